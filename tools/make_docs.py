@@ -49,9 +49,9 @@ from viso.companion.sources.kinds import SOURCES
 from viso.companion.vio.config import VioConfig
 from viso.comparing.recordings import RECORDING_KINDS
 from viso.comparing.rules import TEXT_EXCEPTIONS, TOLERANCES
+from viso.doctor.measures.own_filter import Witness
 from viso.doctor.rules import FAMILIES as DOCTOR_FAMILIES
 from viso.doctor.rules import RULES as DOCTOR_RULES
-from viso.doctor.witness import Witness
 from viso.fates.labels import basis, fate_of, is_final, why
 from viso.firmware.releases import PROFILES, Firmware
 from viso.options.presets import PRESETS, preset_title

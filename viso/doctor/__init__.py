@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from viso.doctor.evidence import Evidence, SeenMessage
     from viso.doctor.findings import Finding, Rule, Severity, Sighting, diagnose, error, note, warning
     from viso.doctor.gathering import GatherOptions, gather
+    from viso.doctor.measures.own_filter import Witness
     from viso.doctor.rules import RULES, all_rules
-    from viso.doctor.witness import Witness
 
 __all__ = [
     "RULES",

@@ -9,13 +9,12 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
-from viso.doctor.measures.own_filter import POSITION
+from viso.doctor.measures.compare import ALIGNING_TYPES, comparison_of, oriented
+from viso.doctor.measures.own_filter import POSITION, Witness
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, Sender, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries
 from viso.doctor.measures.vehicle_position import PositionSeries
-from viso.doctor.witness import Witness
 from viso.estimators.heading import heading_departure
 from viso.estimators.likeness import Likeness, estimate_likeness
 from viso.estimators.turning import quats_of_euler
@@ -148,9 +147,8 @@ def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
         return
     for poses in evidence.poses:
         quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
-        compared = next((one for one in evidence.comparisons if one.poses is poses), None)
-        late = compared is not None and compared.since_arrival.enough_motion
-        delay_us = int(compared.since_arrival.delay_ms * 1e3) if compared is not None and late else 0
+        compared = comparison_of(poses, evidence.comparisons)
+        delay_us = 0 if compared is None else int(compared.late_ms * 1e3)
         there = vehicle.at(poses.track.arrival_us - delay_us)
         norm = np.linalg.norm(quats, axis=1)
         fine = np.isfinite(there).all(axis=1) & (np.abs(norm - 1) < 0.1) & (poses.quality != _FAILED)

@@ -7,18 +7,15 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mav_handlers.handlers import VISION_MESSAGES
-from viso.doctor.measures.compare import Comparison
+from viso.doctor.measures.compare import Comparison, PathComparison
 from viso.doctor.measures.flow_fit import FlowFit
 from viso.doctor.measures.ground_sensors import NO_GROUND_SENSORS, GroundSensors
-from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import Motion
-from viso.doctor.measures.own_filter import OwnFilter
-from viso.doctor.measures.paths import PathComparison
+from viso.doctor.measures.own_filter import OwnFilter, Witness
 from viso.doctor.measures.refused_frames import FrameKind
-from viso.doctor.measures.tracks import Poses, Track, Velocities
+from viso.doctor.measures.tracks import Poses, SeenMessage, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
 from viso.doctor.measures.vehicle_position import EXTNAV, LevelSeries, PositionSeries
-from viso.doctor.witness import Witness
 from viso.fates.watch import AidingSpan, Innovations
 from viso.firmware.flown import FlownVersion
 from viso.firmware.releases import Firmware

@@ -5,11 +5,12 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from viso.doctor.witness import Witness
+from viso.doctor.measures.own_filter import Witness
 from viso.streams.stream_kinds import Aspect
 
 if TYPE_CHECKING:
@@ -105,6 +106,8 @@ def _of(severity: Severity) -> Callable[..., Callable[[Check], Rule]]:
 
 
 error, warning, note = map(_of, Severity)
+vehicle_error, vehicle_warning, vehicle_note = (partial(_of(one), witness=Witness.LOG) for one in Severity)
+"""Likewise for rules that rest on what the vehicle left: its log, or its telemetry."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,15 +18,13 @@ from mav_handlers.verdicts import BAD_CRC
 from mav_handlers.wire.codec import message_name
 from viso.doctor.evidence import Evidence, vision_of
 from viso.doctor.measures.boot_clock import by_boot_clock
-from viso.doctor.measures.compare import Comparison, compare
+from viso.doctor.measures.compare import Comparison, compare, compare_paths
 from viso.doctor.measures.flow_fit import fit_flow, with_motion_of
 from viso.doctor.measures.ground_sensors import GroundSensors
-from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import motions_of
 from viso.doctor.measures.own_filter import OwnFilter
-from viso.doctor.measures.paths import compare_paths
 from viso.doctor.measures.refused_frames import refused_kinds
-from viso.doctor.measures.tracks import Poses, pose_tracks, stamped_tracks, velocity_tracks
+from viso.doctor.measures.tracks import Poses, SeenMessage, pose_tracks, stamped_tracks, velocity_tracks
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, is_of_simulator, listen
 from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
 from viso.doctor.outputs.phrases import at
@@ -52,6 +50,8 @@ _AXES_UNKNOWN: Final = (
     "are not judged"
 )
 _NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
+_OF_VEHICLE: Final = ("attitude", "height", "position", "level", "truth", "own_filter")
+"""Fields of ``GatherOptions``, ``VehicleData`` and ``Evidence``; of the first two, that of the options counts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,16 +85,7 @@ class GatherOptions:
 
     def beside(self, vehicle: VehicleData) -> "GatherOptions":
         """Return the options with what else describes the vehicle."""
-        return replace(
-            self,
-            attitude=vehicle.attitude,
-            height=vehicle.height,
-            position=vehicle.position,
-            level=vehicle.level,
-            truth=vehicle.truth,
-            own_filter=vehicle.own_filter,
-            ground=vehicle.ground,
-        )
+        return replace(self, ground=vehicle.ground, **{name: getattr(vehicle, name) for name in _OF_VEHICLE})
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,11 +145,6 @@ class _Trial:
         self._source = FollowSource(options, heeds_stamps=self._heeds_stamps)
         return self._source
 
-    @property
-    def jumps(self) -> int:
-        """How many jumps the imagined vehicle took the stream to make, without resets."""
-        return self._source.jumps["position"] + self._source.jumps["yaw"]
-
     def _take_text(self, severity: int, text: str) -> None:
         self.texts.append((self.vehicle.clock.micros64(), severity, text))
 
@@ -170,18 +156,14 @@ class _Trial:
     def run(self, on_progress: Callable[[int], None]) -> _Outcome:
         replayed = list(self._replay.run(on_progress))
         self.vehicle.close()
-        messages = tuple(
-            _seen(number, event, message)
-            for number, (event, message) in enumerate(zip(self._events, replayed, strict=True), 1)
-        )
-        aiding, innovations = tuple(self.watch.aiding()), dict(self.watch.innovations)
+        pairs = enumerate(zip(self._events, replayed, strict=True), 1)
         return _Outcome(
-            messages,
+            tuple(_seen(number, event, message) for number, (event, message) in pairs),
             self.params,
             tuple(self.texts),
-            aiding,
-            innovations,
-            self.jumps,
+            tuple(self.watch.aiding()),
+            dict(self.watch.innovations),
+            self._source.jumps["position"] + self._source.jumps["yaw"],
             self._filter_until_us,
             self._replay.notes(),
         )
@@ -213,21 +195,11 @@ def _untried(stream: Stream, params: Mapping[str, float], firmware: Firmware) ->
 
 
 def _seen(number: int, event: MessageEvent, message: ReplayedMessage) -> SeenMessage:
-    header = event.header
-    return SeenMessage(
-        number,
-        event.now_us,
-        0 if header is None else header.system_id,
-        0 if header is None else header.component_id,
-        0 if header is None else header.sequence,
-        0 if header is None else header.version,
-        event.name,
-        event.message,
-        b"" if header is None else header.frame,
-        event.verdict,
-        message.records,
-        message.samples or (),
-    )
+    ids, frame = (0, 0, 0, 0), b""
+    if (header := event.header) is not None:
+        ids, frame = (header.system_id, header.component_id, header.sequence, header.version), header.frame
+    about = event.name, event.message, frame, event.verdict
+    return SeenMessage(number, event.now_us, *ids, *about, message.records, message.samples or ())
 
 
 def gather(
@@ -250,16 +222,8 @@ def gather(
     if told.clock is not None:
         stream = by_boot_clock(stream, told.clock)
         told = replace(listen(stream, options.params), is_simulated=True)
-    told = replace(
-        told,
-        attitude=options.attitude or told.attitude,
-        height=options.height or told.height,
-        position=options.position or told.position,
-        level=options.level or told.level,
-        truth=options.truth or told.truth,
-        own_filter=options.own_filter or told.own_filter,
-        ground=told.ground.beside(options.ground),
-    )
+    known = {name: getattr(options, name) or getattr(told, name) for name in _OF_VEHICLE}
+    told = replace(told, ground=told.ground.beside(options.ground), **known)
     kinds = Counter(message_name(message_id_of(one.frame)) or "unknown" for one in stream.messages)
     names = told.vision | (kinds.keys() & _NAMES)
     firmware = options.firmware or firmware_of_recording(stream)
@@ -295,11 +259,7 @@ def _is_another_flight(comparisons: Sequence[Comparison]) -> bool:
 
 
 def _evidence(
-    stream: Stream,
-    told: VehicleData,
-    options: GatherOptions,
-    settled: Settled,
-    outcome: _Outcome,
+    stream: Stream, told: VehicleData, options: GatherOptions, settled: Settled, outcome: _Outcome
 ) -> Evidence:
     messages = outcome.messages
     vision, notes = vision_of(messages), (*stream.notes, *outcome.notes)
@@ -326,8 +286,6 @@ def _evidence(
         poses=poses,
         velocities=velocities,
         motions=motions_of(poses, velocities),
-        attitude=told.attitude,
-        height=told.height,
         comparisons=comparisons,
         params=outcome.params,
         assumed=settled.assumed,
@@ -341,21 +299,15 @@ def _evidence(
         vision=vision,
         lacks=stream.lacks,
         paths=paths,
-        own_filter=told.own_filter,
         is_as_flown=all(known.get(name, value) == value for name, value in options.params.items()),
         told=settled.told,
         tells_all=settled.tells_all,
         model_jumps=outcome.model_jumps,
         refused=refused_kinds(stream) if any(one.verdict is BAD_CRC for one in messages) else (),
-        position=told.position,
-        level=told.level,
-        truth=told.truth,
         ground=told.ground,
         flow_fits=fit_flow(
-            *_motion_beside(told, poses),
-            told.height,
-            told.position,
-            uses_flow=_uses_flow({**outcome.params, **known}),
+            *_motion_beside(told, poses), told.height, told.position, _uses_flow({**outcome.params, **known})
         ),
         is_simulated=told.is_simulated or told.truth is not None or is_of_simulator(stream.params),
+        **{name: getattr(told, name) for name in _OF_VEHICLE},
     )

@@ -22,10 +22,10 @@ _MAX_READS: Final = 64
 
 
 class LinkRecorder:
-    """Keeps the frames that a link carries, with the times at which they were read.
+    """Keeps the frames that a link carries, with the times at which they were read; nothing is sent on it.
 
     Args:
-        link: open; nothing is sent on it.
+        link: open.
         lead_us: the time since the autopilot's boot that the first frame gets.
         now_s: a monotonic clock in seconds.
     """
@@ -80,14 +80,7 @@ def heard_on_topic(
     stop: Callable[[], bool],
     on_progress: Callable[[float], None],
 ) -> list[Heard]:
-    """Return the poses that come on a topic, until time is up or ``stop`` says so.
-
-    Args:
-        topic: to listen to.
-        seconds: how long.
-        now_ns: the clock by which they arrive.
-        stop: says whether to end.
-        on_progress: told the seconds that have passed.
+    """Return the poses that come on a topic, until time is up or ``stop`` says so; progress is in seconds.
 
     Raises:
         InputError: if none came; says why.

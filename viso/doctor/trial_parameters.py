@@ -94,10 +94,12 @@ def settle(
 ) -> Settled:
     """Return parameters for a vehicle to try a stream, and which of them were assumed.
 
+    What is given wins over what the stream's file holds, and that over what the vehicle says in it.
+
     Args:
-        stream: with the parameters that its file holds.
-        vehicle: with those heard in the stream.
-        given: what the user says, which wins.
+        stream: to be tried.
+        vehicle: that is heard in it.
+        given: by the user.
         names: of the messages of external navigation in the stream; without any nothing need be assumed.
         firmware: which calls its parameters by names of its own.
         flown: the release that the firmware stands for; None if it stands for none but itself.
@@ -121,11 +123,9 @@ def vision_carried(stream: Stream) -> frozenset[str]:
 
 
 def fitting(names: Collection[str], known: Collection[str]) -> list[Assumed]:
-    """Return what a vehicle needs to navigate by a stream, of what is not known: sources only if none is.
+    """Return what a vehicle needs for external navigation by messages of some names; nothing if there are none.
 
-    Args:
-        names: of the messages of external navigation in the stream; without any nothing is needed.
-        known: names of the parameters that are.
+    Left out are parameters whose names are known, and all sources if one is.
     """
     sources_known = any(name.startswith("EK3_SRC") for name in known)
     return [

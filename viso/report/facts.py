@@ -12,9 +12,8 @@ from ekf_stub.reports.filter_status import FilterFlag
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Finding, diagnose
 from viso.doctor.gathering import gather
-from viso.doctor.measures.own_filter import OwnFilter
+from viso.doctor.measures.own_filter import OwnFilter, Witness
 from viso.doctor.rules import all_rules
-from viso.doctor.witness import Witness
 from viso.estimators.series import Array, Mask, Series, spans_of
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.event_names import EV_ALT_RESET, EV_YAW_RESET

@@ -37,10 +37,9 @@ class BootClock:
 
 
 def boot_clock(times_us: Sequence[tuple[int, int]]) -> BootClock | None:
-    """Return how the autopilot's clock ran; None if it ran as the recording's did, or nothing tells.
+    """Return how the autopilot's clock ran, by when its messages were recorded, and when they were made by that clock.
 
-    Args:
-        times_us: of messages of the autopilot: when they were recorded, and when they were made by its own clock.
+    None if it ran as the recording's did, or nothing tells.
     """
     if not times_us:
         return None

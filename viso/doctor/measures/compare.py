@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A stream's attitude against the vehicle's own: delay and axes."""
+"""A stream against the vehicle's own attitude and path: delay, axes, and the scale of positions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,12 +10,13 @@ import numpy as np
 
 from ap_core.internal_error import InternalErrors
 from ap_core.rotations import quaternion_from_rotation
-from viso.doctor.measures.judged_message import SeenMessage
-from viso.doctor.measures.tracks import Floats, Ints, Poses
+from viso.doctor.measures.tracks import Floats, Ints, Poses, SeenMessage
 from viso.doctor.measures.vehicle_data import AttitudeSeries
+from viso.doctor.measures.vehicle_position import EXTNAV, PositionSeries
 from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.delay import Delay, estimate_delay
 from viso.estimators.orientation import ChosenAxes, WorldAxes, estimate_orientation, estimate_world_axes
+from viso.estimators.positions import Scale, estimate_position_axes, estimate_scale
 from viso.estimators.turning import quats_of_euler
 
 ALIGNING_TYPES: Final = (2, 3)
@@ -41,6 +42,16 @@ class Comparison:
     orientation: ChosenAxes
     world: WorldAxes
     transport_ms: float = 0.0
+
+    @property
+    def late_ms(self) -> float:
+        """How late poses arrive; 0 where the motion does not tell."""
+        return self.since_arrival.delay_ms if self.since_arrival.enough_motion else 0.0
+
+
+def comparison_of(poses: Poses, comparisons: Sequence[Comparison]) -> Comparison | None:
+    """Return the one of some poses; None without one."""
+    return next((one for one in comparisons if one.poses is poses), None)
 
 
 def oriented(quat_wxyz: Floats, viso_type: int, orient: int) -> Floats:
@@ -102,4 +113,54 @@ def compare(
         since_arrival = estimate_delay(arrived_us, as_sent, vehicle_us, vehicle_quats)
         transport_ms = float(np.min(one.track.arrival_us - corrected_us)) * 1e-3
         found.append(Comparison(one, delay, since_arrival, orientation, world, transport_ms))
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathComparison:
+    """What the vehicle's own path says about a stream's.
+
+    Attributes:
+        poses: of the stream, as sent.
+        origin: what tells the vehicle's path.
+        scale: what positions have to be multiplied with.
+        axes: which way those of the positions point; None where the stream's heading is not known.
+    """
+
+    poses: Poses
+    origin: str
+    scale: Scale
+    axes: ChosenAxes | None
+
+
+def _heading_deg(compared: Comparison | None, params: Mapping[str, float]) -> float | None:
+    """Return the compass direction of the stream's x; None if nothing tells it."""
+    if compared is not None and compared.orientation.sufficient and compared.world.sufficient:
+        is_level = compared.world.axes.signed_axes[2] == 3
+        return compared.world.heading_deg if is_level else None
+    is_aligned = int(params.get("VISO_TYPE", 0)) in ALIGNING_TYPES or params.get("EK3_SRC1_YAW") == EXTNAV
+    return None if is_aligned else 0.0
+
+
+def compare_paths(
+    poses: Sequence[Poses],
+    position: PositionSeries | None,
+    comparisons: Sequence[Comparison],
+    params: Mapping[str, float],
+) -> tuple[PathComparison, ...]:
+    """Return what the vehicle's own path says about each track of poses."""
+    if position is None:
+        return ()
+    found = []
+    for one in poses:
+        if len(one.track) < _FEWEST:
+            continue
+        compared = comparison_of(one, comparisons)
+        delay_ms = 0.0 if compared is None else compared.late_ms
+        paths = one.track.arrival_us, one.pos_m, position.time_us, position.ned_m
+        heading_deg = _heading_deg(compared, params)
+        axes = None
+        if heading_deg is not None:
+            axes = estimate_position_axes(*paths, heading_deg=heading_deg, delay_ms=delay_ms)
+        found.append(PathComparison(one, position.origin, estimate_scale(*paths, delay_ms=delay_ms), axes))
     return tuple(found)

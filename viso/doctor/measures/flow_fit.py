@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.measures.ground_sensors import FlowSeries, GroundSensors
-from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses
+from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, euler_of_quat
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries
 from viso.doctor.measures.vehicle_position import PositionSeries
 from viso.estimators.turning import attitudes_of
@@ -158,9 +158,7 @@ def with_motion_of(ground: GroundSensors, poses: Poses) -> tuple[GroundSensors, 
     rates = found.steps_rad / step_s[:, None]
     turning = np.column_stack([1e6 * (found.time_s[1:] - 0.5 * step_s), rates])
     way = _speed(time_us[known].astype(np.float64), poses.pos_m[known])
-    w, x, y, z = quats[known].T
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    attitude = AttitudeSeries(time_us[known], np.column_stack([np.zeros((len(yaw), 2)), yaw]))
+    attitude = AttitudeSeries(time_us[known], euler_of_quat(quats[known]) * [0.0, 0.0, 1.0])
     return replace(ground, turning=turning, velocity=way, by="the stream's poses"), attitude
 
 
@@ -186,7 +184,6 @@ def _motion(
     attitude: AttitudeSeries | None,
     height: HeightSeries | None,
     position: PositionSeries | None,
-    *,
     uses_flow: bool,
 ) -> _Motion:
     velocity, is_free = _velocity(ground, position, uses_flow)
@@ -221,18 +218,13 @@ def fit_flow(
     attitude: AttitudeSeries | None,
     height: HeightSeries | None,
     position: PositionSeries | None,
-    *,
     uses_flow: bool,
 ) -> tuple[FlowFit, ...]:
     """Return how each flow sensor, and each sensor's own gyro, follows the vehicle's motion.
 
-    Args:
-        ground: what was said.
-        attitude, height: the vehicle's.
-        position: the vehicle's, by something else than the filter.
-        uses_flow: whether the filter's velocity may come from the flow.
+    The position is not the filter's; ``uses_flow`` says whether the filter's velocity may come from the flow.
     """
-    motion = _motion(ground, attitude, height, position, uses_flow=uses_flow)
+    motion = _motion(ground, attitude, height, position, uses_flow)
     found = []
     for flow in ground.flows:
         seen = np.asarray((flow.quality > 0) & np.isfinite(flow.rate).all(axis=1), dtype=np.bool_)
@@ -250,40 +242,18 @@ def _fitted(flow: FlowSeries, of: str, rates: Floats, valid: Bools, motion: _Mot
     if not len(motion.gyro):
         return FlowFit(flow, of, len(rates), "nothing tells how the vehicle turned")
     every = -(-len(rates) // _MOST)
-    rates, time_us = rates[::every], time_us[::every]
-    tried = {lag: _at_lag(rates, time_us, motion, lag) for lag in _LAGS_MS}
+    fit = FlowFit(flow, of, by=motion.by)
+    tried = {lag: _at_lag(fit, rates[::every], time_us[::every], motion, lag) for lag in _LAGS_MS}
     usable = {lag: one for lag, one in tried.items() if one is not None}
     if not usable:
         return FlowFit(flow, of, len(rates), "the vehicle hardly moved where its motion and the flow are both known")
     lag_ms = max(usable, key=lambda lag: sum(usable[lag].explained))
     best = usable[lag_ms]
     others = [sum(one.explained) for lag, one in usable.items() if abs(lag - lag_ms) > _ROUGH_MS]
-    is_timed = len(others) > 1 and sum(best.explained) - max(others) > _TELLS_APART
-    return FlowFit(
-        flow,
-        of,
-        best.count,
-        "",
-        motion.by,
-        best.is_whole,
-        best.by_turning,
-        best.matrix,
-        best.explained,
-        float(lag_ms),
-        is_timed,
-    )
+    return replace(best, is_timed=len(others) > 1 and sum(best.explained) - max(others) > _TELLS_APART)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
-    count: int
-    is_whole: bool
-    by_turning: bool
-    matrix: Floats
-    explained: tuple[float, float]
-
-
-def _at_lag(rates: Floats, time_us: Ints, motion: _Motion, lag_ms: int) -> _Fit | None:
+def _at_lag(fit: FlowFit, rates: Floats, time_us: Ints, motion: _Motion, lag_ms: int) -> FlowFit | None:
     """Return how rates follow the motion of some time before; None if there was too little of it."""
     gyro, seen = motion.at(np.asarray(time_us - lag_ms * 1e3, dtype=np.float64))
     if np.isfinite(seen).all(axis=1).sum() < FEWEST:
@@ -301,10 +271,12 @@ def _at_lag(rates: Floats, time_us: Ints, motion: _Motion, lag_ms: int) -> _Fit 
     left = ((rates - wanted @ found) ** 2).sum(axis=0)
     whole = ((rates - rates.mean(axis=0)) ** 2).sum(axis=0)
     explained = np.where(whole > _LEAST_SPREAD, 1 - left / np.maximum(whole, _LEAST_SPREAD), 0.0)
-    return _Fit(
-        len(rates),
-        bool(gyro.any() and seen.any()),
-        bool(turns),
-        np.asarray(found[:2].T, dtype=np.float64),
-        (float(explained[0]), float(explained[1])),
+    return replace(
+        fit,
+        count=len(rates),
+        is_whole=bool(gyro.any() and seen.any()),
+        by_turning=bool(turns),
+        matrix=np.asarray(found[:2].T, dtype=np.float64),
+        explained=(float(explained[0]), float(explained[1])),
+        lag_ms=float(lag_ms),
     )

@@ -289,12 +289,7 @@ class GroundListener:
             self._velocity[header.system_id].append((time_us, message.time_boot_ms * 1e3, *speeds))
 
     def told(self, system_id: int | None, params: Mapping[str, float]) -> GroundSensors:
-        """Return what was said.
-
-        Args:
-            system_id: the autopilot's; None if none is heard.
-            params: the autopilot's, which scale and turn what a companion sends.
-        """
+        """Return what was said; the autopilot's parameters scale and turn what a companion sends."""
         own = (system_id, MAV_COMP_ID_AUTOPILOT1)
         vehicle = -1 if system_id is None else system_id
         return GroundSensors(

@@ -116,13 +116,8 @@ class Axes(NamedTuple):
 def _all_axes() -> Iterator[Axes]:
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1, -1), repeat=3):
-            matrix = np.zeros((3, 3))
-            for row, (column, sign) in enumerate(zip(order, signs, strict=True)):
-                matrix[row, column] = sign
-            names = ", ".join(
-                ("-" if sign < 0 else "") + "xyz"[column] for column, sign in zip(order, signs, strict=True)
-            )
-            yield Axes(matrix, f"({names})")
+            names = (("-" if sign < 0 else "") + "xyz"[column] for column, sign in zip(order, signs, strict=True))
+            yield Axes(np.diag(signs) @ np.eye(3)[list(order)], f"({', '.join(names)})")
 
 
 AXES: Final[Sequence[Axes]] = tuple(sorted(_all_axes(), key=lambda axes: -float(np.trace(axes.matrix))))

@@ -5,6 +5,7 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,6 @@ import numpy as np
 from ekf_stub.inputs.sources import EXTNAV, ROWS, SourceXY, SourceYaw, SourceZ
 from ekf_stub.reports.filter_status import FilterFlag
 from viso.doctor.measures.tracks import Bools, Floats, Ints
-from viso.doctor.witness import Witness
 from viso.estimators.series import overlap_s, stretches_of
 
 CHANNELS: Final = ("velocity", "position", "height", "yaw")
@@ -47,6 +47,20 @@ _BY_EXTNAV: Final = ("is using external nav", "fusing odometry")
 _BY_OTHERS: Final = ("is using ", "stopped aiding", "started relative aiding", "fusing optical flow", "initialised")
 
 Span = tuple[float, float]
+
+
+class Witness(StrEnum):
+    """What a finding rests on.
+
+    LOG: what the vehicle that really flew wrote down itself. TELEMETRY: what it sent meanwhile. STREAM: what the
+    companion sent, and what the port and the endpoint, which are exact, do with it. MODEL: what a model of the filter
+    makes of it.
+    """
+
+    LOG = "log"
+    TELEMETRY = "vehicle telemetry"
+    STREAM = "stream"
+    MODEL = "model"
 
 
 @dataclass(frozen=True, slots=True)

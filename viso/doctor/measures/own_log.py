@@ -12,13 +12,13 @@ from ekf_stub.inputs.sources import EXTNAV, ROWS, SETS, SourceXY, SourceYaw, Sou
 from viso.doctor.measures.own_filter import (
     OtherCore,
     OwnFilter,
+    Witness,
     innovation_sizes,
     said_by_filter,
     sources_over,
     spans_between,
 )
 from viso.doctor.measures.tracks import Floats, Ints
-from viso.doctor.witness import Witness
 from viso.estimators.series import IMPOSSIBLE_S, Series
 from viso.logs.event_names import (
     ERR_EKF_FAILSAFE,

@@ -14,11 +14,11 @@ from viso.doctor.measures.own_filter import (
     CHANNELS,
     OwnFilter,
     VisionSensor,
+    Witness,
     said_by_filter,
     sources_over,
     spans_between,
 )
-from viso.doctor.witness import Witness
 
 MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
 MAV_SYS_STATUS_SENSOR_VISION_POSITION: Final = 1 << 7
@@ -63,13 +63,7 @@ class FilterListener:
         changes: Sequence[tuple[int, str, float]],
         texts: Sequence[tuple[int, str]],
     ) -> OwnFilter:
-        """Return what was said.
-
-        Args:
-            params: the autopilot's at first.
-            changes: time, name and value of those that changed.
-            texts: time and text of what it said.
-        """
+        """Return what was said, of an autopilot with parameters at first; changes have time, name and new value."""
         time_us = np.array([one[0] for one in self._reports], dtype=np.int64)
         flags = np.array([one[1] for one in self._reports], dtype=np.int64)
         ratios = np.array([one[2] for one in self._reports], dtype=np.float64).reshape(-1, len(CHANNELS))

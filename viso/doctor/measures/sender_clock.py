@@ -4,6 +4,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -135,6 +136,7 @@ def _is_queue(windows: _Windows, drift_s: float, range_s: float) -> bool:
     return uneven[0] > max(2 * uneven[1], 0.02)
 
 
+@lru_cache(maxsize=32)  # many rules ask
 def sender_clock(track: Track) -> SenderClock | None:
     """Return how the clock of a track departs; None if it runs as the autopilot's, or nothing can be told.
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a sender's messages of one type say, as arrays over the messages."""
+"""Messages of the stream, and what a sender's messages of one type say, as arrays over the messages."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ap_core.log_field import LogValue
+from ap_core.verdict import Outcome, Verdict
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
     GLOBAL_VISION_POSITION_ESTIMATE,
@@ -16,9 +18,10 @@ from mav_handlers.wire.messages import (
     VICON_POSITION_ESTIMATE,
     VISION_POSITION_ESTIMATE,
     VISION_SPEED_ESTIMATE,
+    Message,
 )
-from viso.doctor.measures.judged_message import SeenMessage
 from viso.estimators.turning import quats_of_euler
+from viso.fates.samples import HandedSample
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -40,6 +43,47 @@ _MOST_US: Final = 1 << 62
 def timed(table: Floats) -> Floats:
     """Return the rows whose first number, us, is a time; damage makes others up."""
     return np.asarray(table[np.abs(table[:, 0]) < _MOST_US], dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class SeenMessage:
+    """A message, or bytes that are none.
+
+    Attributes:
+        number: in the stream, from 1.
+        arrival_us: when the autopilot handled it, us since boot.
+        system_id, component_id, sequence: of its header; 0 of bytes that are no frame.
+        version: of MAVLink; 0 of bytes that are no frame.
+        name: MAVLink's name of it; BAD_DATA of bytes that are no frame.
+        message: what it says, if its type is one of ours.
+        frame: its bytes; empty of bytes that are no frame.
+        verdict: what the autopilot made of it.
+        records: the VISO, VISP and VISV records that it made.
+        samples: those that it handed to the filter, with their fates.
+    """
+
+    number: int
+    arrival_us: int
+    system_id: int
+    component_id: int
+    sequence: int
+    version: int
+    name: str
+    message: Message | None
+    frame: bytes
+    verdict: Verdict
+    records: tuple[tuple[str, tuple[LogValue, ...]], ...]
+    samples: tuple[HandedSample, ...]
+
+    @property
+    def sender(self) -> tuple[int, int]:
+        """System and component."""
+        return self.system_id, self.component_id
+
+    @property
+    def is_taken(self) -> bool:
+        """Whether it got as far as the backend, so that it counts for health."""
+        return self.verdict.outcome in (Outcome.ACCEPTED, Outcome.IGNORED)
 
 
 @dataclass(frozen=True, slots=True)

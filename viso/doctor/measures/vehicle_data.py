@@ -253,9 +253,7 @@ def _heights(heard: list[tuple[int, float]]) -> HeightSeries | None:
 def listen(stream: Stream, given: Mapping[str, float] = MappingProxyType({})) -> VehicleData:
     """Return what an autopilot says in a stream; of several, the one that is heard first.
 
-    Args:
-        stream: to be listened to.
-        given: parameters that somebody gives, which win over those heard.
+    Parameters that are given win over those heard.
     """
     codec, listener, time_us, number, vision = Codec(0, 0), _Listener(), 0, 0, set[str]()
     for message in stream.messages:

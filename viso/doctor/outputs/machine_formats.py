@@ -69,14 +69,7 @@ def _sarif_result(finding: Finding, index: int, file: str) -> dict[str, object]:
 
 
 def as_sarif(file: str, version: str, rules: Sequence[Rule], findings: Iterable[Finding]) -> dict[str, object]:
-    """Return findings as SARIF; its levels are those of findings.
-
-    Args:
-        file: what was examined, as the user named it.
-        version: of this program.
-        rules: all there are.
-        findings: of these rules.
-    """
+    """Return findings of some rules in a file, as the user named it, as SARIF; its levels are those of findings."""
     index = {rule.code: number for number, rule in enumerate(rules)}
     return {
         "$schema": "https://json.schemastore.org/sarif-2.1.0.json",

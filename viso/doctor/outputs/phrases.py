@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.doctor.findings import Severity, Sighting
-from viso.doctor.measures.judged_message import SeenMessage
 from viso.doctor.measures.motion import Motion
-from viso.doctor.measures.tracks import Track
+from viso.doctor.measures.tracks import SeenMessage, Track
 
 _ALL = slice(None)
 

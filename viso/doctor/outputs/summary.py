@@ -14,8 +14,7 @@ from ap_core.verdict import Outcome
 from ekf_stub.fusion.aiding import AidingMode
 from viso.doctor.evidence import Evidence
 from viso.doctor.lags import lateness_ms, tells_lags
-from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
-from viso.doctor.witness import Witness
+from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, Witness, source_name
 from viso.fates.labels import Fate, fate_of
 from viso.streams.stream_kinds import Aspect
 

@@ -24,9 +24,7 @@ _OUTCOMES: Final = (Outcome.ACCEPTED, Outcome.IGNORED, Outcome.DROPPED)
 def finding_lines(finding: Finding, width: int | None) -> Iterator[Text]:
     """Yield what is wrong, what its witness shows, what the autopilot does about it, what to do; and an empty line.
 
-    Args:
-        finding: to tell.
-        width: at which to break lines; None not to break any.
+    Lines are broken at a width, unless that is None.
     """
     yield Text.assemble(
         (f"{finding.severity.value} {finding.code}", _STYLES[finding.severity]), (f"  {finding.title}", "bold")

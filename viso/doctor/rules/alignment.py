@@ -11,12 +11,11 @@ import numpy as np
 
 from viso.doctor.beside_vehicle import aligned_us, lasting
 from viso.doctor.evidence import EXTNAV, Evidence
-from viso.doctor.findings import Severity, Sighting, error, note, warning
+from viso.doctor.findings import Severity, Sighting, error, note, vehicle_error, warning
 from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
 from viso.doctor.outputs.phrases import at, of_some, share
-from viso.doctor.witness import Witness
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _SHIFTED: Final = "VisOdom: yaw shifted"
@@ -81,14 +80,13 @@ def _mean_angle(angles: Floats) -> tuple[float, float]:
     return math.atan2(vector.imag, vector.real), math.sqrt(max(0.0, -2 * math.log(max(abs(vector), 1e-9))))
 
 
-@error(
+@vehicle_error(
     "XN8-04",
     "The stream's frame is rotated",
     "Type 1 aligns nothing. With yaw from a compass, the stream's positions and velocities point another way than the "
     "vehicle; with yaw from the stream, those of a GPS do. The vehicle circles instead of holding its position.",
     "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
     "Rotate the stream's frame to north in the sender, set EK3_SRC1_YAW to 6, or use VISO_TYPE 2.",
-    witness=Witness.LOG,
 )
 def _turned_frame(evidence: Evidence) -> Iterator[Sighting]:
     by_north = _GPS in (evidence.source("POSXY"), evidence.source("VELXY"))
@@ -126,14 +124,13 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
             yield poses, chosen, told[chosen], vehicle[chosen]
 
 
-@error(
+@vehicle_error(
     "XN8-05",
     "Roll and pitch differ from the vehicle's",
     "Types 2 and 3 compare: more than 10 deg, and arming fails with VisOdom: roll/pitch diff. Type 1 does not, but the "
     "velocity of ODOMETRY is rotated by a wrong attitude.",
     "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
     "Set VISO_ORIENT to how the camera is mounted (types 2 and 3), or send the vehicle's attitude, not the camera's.",
-    witness=Witness.LOG,
 )
 def _tilted(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
@@ -146,7 +143,7 @@ def _tilted(evidence: Evidence) -> Iterator[Sighting]:
             yield _apart(poses, chosen, mask, text, severity)
 
 
-@error(
+@vehicle_error(
     "XN8-08",
     "The yaw leaves the vehicle's after alignment",
     "Types 2 and 3 align the yaw once. Afterwards they compare: more than 10 deg, and arming fails with VisOdom: "
@@ -154,7 +151,6 @@ def _tilted(evidence: Evidence) -> Iterator[Sighting]:
     "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
     "Look for a camera that drifts or a compass that is disturbed; align again with the auxiliary function VISODOM "
     "ALIGN (80) before take-off.",
-    witness=Witness.LOG,
 )
 def _yaw_drifts(evidence: Evidence) -> Iterator[Sighting]:
     """Find yaw that leaves the vehicle's own after it was aligned to that."""

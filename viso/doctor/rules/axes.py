@@ -10,13 +10,12 @@ import numpy as np
 
 from viso.doctor.beside_vehicle import is_related
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Sighting, error, warning
+from viso.doctor.findings import Sighting, error, vehicle_error, warning
 from viso.doctor.measures.compare import ALIGNING_TYPES, Comparison
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.measures.tracks import Floats, down_in_body, euler_of_quat, reordered
 from viso.doctor.outputs.phrases import of_some
 from viso.doctor.rules.frames import is_misordered
-from viso.doctor.witness import Witness
 from viso.estimators.axis_rotations import BODY_WORDS, AxisMap, orient_name, rotation_matrix
 
 _LEAST_CLIMB_M: Final = 0.5
@@ -35,7 +34,7 @@ def _is_ros(compared: Comparison) -> bool:
     return orientation.sufficient and orientation.name == "FLU" and world.sufficient and world.is_up
 
 
-@error(
+@vehicle_error(
     "XN2-02",
     "Attitude in ROS axes",
     "The autopilot expects the attitude of an FRD body in a world with z down. With ROS axes (FLU in ENU), pitch and "
@@ -43,7 +42,6 @@ def _is_ros(compared: Comparison) -> bool:
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     "From ROS send positions as (y, x, -z), or (x, -y, -z) if the world has no north, and the attitude with them; "
     "MAVROS does it for you.",
-    witness=Witness.LOG,
 )
 def _ros_axes(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
@@ -54,13 +52,12 @@ def _ros_axes(evidence: Evidence) -> Iterator[Sighting]:
             yield of_some(f"{track.sender}: {text} (correlation {correlation:.2f})", track)
 
 
-@error(
+@vehicle_error(
     "XN2-06",
     "Attitude of the camera, not of the vehicle",
     "Type 1 uses the attitude as the vehicle's; types 2 and 3 rotate it by VISO_ORIENT.",
     "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::rotate_attitude",
     "Set VISO_ORIENT, or rotate the attitude in the sender.",
-    witness=Witness.LOG,
 )
 def _mounting(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
@@ -89,13 +86,12 @@ def _mounting_fix(axes: AxisMap, orient: int | None) -> str:
     return f"Set VISO_ORIENT to {number}, or {by_code}."
 
 
-@error(
+@vehicle_error(
     "XN2-07",
     "The stream's world is not z down",
     "The autopilot expects attitudes and positions in a world with z down.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     "Convert positions and attitude to a world with x forward or north, y right or east, z down.",
-    witness=Witness.LOG,
 )
 def _world_up(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
@@ -108,13 +104,12 @@ def _world_up(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
-@error(
+@vehicle_error(
     "XN2-08",
     "Height upside down",
     "z is down: with EK3_SRC1_POSZ 6 the vehicle takes a climb for a descent.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
     "Send -z, and also convert the other axes and the attitude to a world with z down.",
-    witness=Witness.LOG,
 )
 def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.height is None:
@@ -132,14 +127,13 @@ def _height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
             yield of_some(f"{poses.track.sender}: {text}", poses.track)
 
 
-@error(
+@vehicle_error(
     "XN2-09",
     "Positions in other axes than the vehicle's path",
     "The autopilot uses positions as north, east, down, or rotates them to that by the yaw of the attitude. With other "
     "axes the vehicle flies the wrong way to correct itself.",
     "GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     "Convert positions and velocities to the world of the attitude, with z down.",
-    witness=Witness.LOG,
 )
 def _path_axes(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.paths:

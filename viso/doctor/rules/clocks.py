@@ -210,12 +210,12 @@ def _other_rate(evidence: Evidence) -> Iterator[Sighting]:
 
 def _cause(clock: SenderClock, *, is_simulated: bool) -> tuple[str, str | None]:
     """Return what to add on a clock, and what to do if the rule's advice is not all."""
-    stretches = f"{clock.slowest:.3g} to {clock.quickest:.3g} times in stretches of it"
     if clock.departure is Departure.ALTERNATING:
-        text = (
-            f": they come from two clocks in turn, {clock.step_s:.3g} s apart, with {clock.steps} steps back and forth"
+        apart = f"{clock.step_s:.3g} s apart, with {clock.steps} steps back and forth"
+        return (
+            f": they come from two clocks in turn, {apart}",
+            "Stamp all messages with one clock; look for a second thread.",
         )
-        return text, "Stamp all messages with one clock; look for a second thread."
     if clock.departure is Departure.STEPS:
         text = f": the clock is set {clock.steps} times, by {clock.step_s:.3g} s in the middle"
         return text, "Stamp with a monotonic clock, not with one that NTP, PTP or GPS sets."

@@ -9,7 +9,7 @@ import numpy as np
 
 from ekf_stub.inputs.sources import SETS, SourceXY
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Severity, Sighting, error, note, warning
+from viso.doctor.findings import Severity, Sighting, vehicle_error, vehicle_note, vehicle_warning, warning
 from viso.doctor.measures.flow_fit import FlowFit
 from viso.doctor.measures.ground_sensors import FLOW, RANGE
 from viso.doctor.outputs.phrases import at, listed, often, share
@@ -23,7 +23,6 @@ from viso.doctor.rules.ground_set_up import (
     told,
     unheard,
 )
-from viso.doctor.witness import Witness
 from viso.estimators.series import stretches_of
 
 _MAVLINK: Final = 5
@@ -61,7 +60,7 @@ def _asking(evidence: Evidence) -> list[int]:
     return [number for number in range(1, SETS + 1) if evidence.source("VELXY", number) == SourceXY.OPTFLOW]
 
 
-@error(
+@vehicle_error(
     "XNF-01",
     "A source asks for optical flow that is not there",
     "The filter waits for flow, and does not start to navigate by it; with FLOW_TYPE 0 arming is refused, EK3 sources "
@@ -69,7 +68,6 @@ def _asking(evidence: Evidence) -> list[int]:
     _AIDING,
     "Set FLOW_TYPE to the sensor that there is (5 for OPTICAL_FLOW over MAVLink) and EK3_FLOW_USE 1, reboot, and find "
     "out why it sends nothing; or set EK3_SRCn_VELXY to a sensor that the vehicle has.",
-    witness=Witness.LOG,
 )
 def _not_there(evidence: Evidence) -> Iterator[Sighting]:
     sets = _asking(evidence)
@@ -87,14 +85,13 @@ def _not_there(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"{names} 5 (OptFlow), and no flow was heard{of}{found[0]}", severity=found[1])
 
 
-@warning(
+@vehicle_warning(
     "XNF-02",
     "Optical flow that nothing uses",
     "OPTICAL_FLOW reaches a driver only with FLOW_TYPE 5. The filter then fuses it if a source asks for it, or uses it "
     "for the height of the ground with EK3_FLOW_USE 2.",
     "AP_OpticalFlow.cpp, AP_OpticalFlow::handle_msg",
     "Set FLOW_TYPE 5 for flow over MAVLink and reboot, and EK3_SRCn_VELXY 5 to navigate by it.",
-    witness=Witness.LOG,
 )
 def _unused(evidence: Evidence) -> Iterator[Sighting]:
     kind, use = told(evidence, "FLOW_TYPE"), told(evidence, "EK3_FLOW_USE")
@@ -107,14 +104,13 @@ def _unused(evidence: Evidence) -> Iterator[Sighting]:
             yield seen(text, flow, everything, Severity.NOTE)
 
 
-@error(
+@vehicle_error(
     "XNF-03",
     "The flow sensor sees nothing",
     "Flow of quality 0 is dropped before the filter; any other quality counts the same.",
     _WRITE,
     "Look at light, focus and texture of the ground, and at the height: a camera out of focus, or above a surface "
     "without texture, tracks nothing.",
-    witness=Witness.LOG,
 )
 def _no_quality(evidence: Evidence) -> Iterator[Sighting]:
     for flow in evidence.ground.flows:
@@ -126,7 +122,7 @@ def _no_quality(evidence: Evidence) -> Iterator[Sighting]:
             yield seen(text, flow, bad, None if much else Severity.WARNING)
 
 
-@error(
+@vehicle_error(
     "XNF-04",
     "Optical flow has gaps",
     "After half a second without flow the sensor is unhealthy, and with FLOW_TYPE 5 the first flow after that counts "
@@ -134,7 +130,6 @@ def _no_quality(evidence: Evidence) -> Iterator[Sighting]:
     "last flow is younger than 200 ms.",
     _AIDING,
     "Find out what stops the sensor or its link; send ten measurements per second at least.",
-    witness=Witness.LOG,
 )
 def _gaps(evidence: Evidence) -> Iterator[Sighting]:
     for flow in evidence.ground.flows:
@@ -165,6 +160,12 @@ def _fits(evidence: Evidence, of: str) -> Iterator[FlowFit]:
             yield fit
 
 
+def _throughout(fit: FlowFit, text: str, fix: str | None = None, severity: Severity | None = None) -> Sighting:
+    """Return what all records of a sensor show together."""
+    start_us, end_us = (int(time_us) for time_us in fit.flow.time_us[[0, -1]])
+    return Sighting(f"{fit.flow.origin}: {text}", (), start_us, end_us, fix, severity)
+
+
 def _witness(fit: FlowFit) -> str:
     """Return what tells, in words."""
     return f"the {'turning' if fit.by_turning else 'velocity over the distance to the ground'} of {fit.by}"
@@ -188,14 +189,13 @@ def _scaler(evidence: Evidence, fit: FlowFit) -> str:
     return f"Set {' and '.join(found)}, or put the sensor right.{driver}"
 
 
-@error(
+@vehicle_error(
     "XNF-05",
     "Optical flow of another scale",
     "The filter reads flow as rad/s. Velocities from it are wrong by the same factor, and what rotation leaves in the "
     "flow looks like motion.",
     _FUSE,
     "Set FLOW_FXSCALER and FLOW_FYSCALER, in thousandths.",
-    witness=Witness.LOG,
 )
 def _scale(evidence: Evidence) -> Iterator[Sighting]:
     for fit in _fits(evidence, "flow"):
@@ -203,24 +203,18 @@ def _scale(evidence: Evidence) -> Iterator[Sighting]:
         off = max(abs(x - 1), abs(y - 1))
         limit = _FAR_OFF if fit.is_whole and not _is_ranged(evidence) else _OFF
         if off > limit and (fit.by_turning or _is_ranged(evidence)):
-            yield Sighting(
-                f"{fit.flow.origin}: flow about x is {x:.2f} times, about y {y:.2f} times what {_witness(fit)} "
-                f"makes, in {fit.count} measurements",
-                start_us=int(fit.flow.time_us[0]),
-                end_us=int(fit.flow.time_us[-1]),
-                fix=_scaler(evidence, fit),
-                severity=None if off > _FAR_OFF else Severity.WARNING,
-            )
+            text = f"flow about x is {x:.2f} times, about y {y:.2f} times what {_witness(fit)} makes"
+            severity = None if off > _FAR_OFF else Severity.WARNING
+            yield _throughout(fit, f"{text}, in {fit.count} measurements", _scaler(evidence, fit), severity)
 
 
-@error(
+@vehicle_error(
     "XNF-06",
     "Axes of the flow sensor mixed up",
     "The flow is rotated by FLOW_ORIENT_YAW, and nothing mirrors it. With wrong axes the vehicle's own rotation counts "
     "as motion, and it runs away.",
     "AP_OpticalFlow_Backend.cpp, OpticalFlow_backend::_applyYaw",
     "Set FLOW_ORIENT_YAW to how the sensor is mounted; correct mirrored axes in the sender.",
-    witness=Witness.LOG,
 )
 def _axes(evidence: Evidence) -> Iterator[Sighting]:
     for fit in _fits(evidence, "flow"):
@@ -235,19 +229,16 @@ def _axes(evidence: Evidence) -> Iterator[Sighting]:
             what = f"it is turned by {turned % 360:.0f} degrees (clockwise from above)"
         else:
             continue
-        start, end = int(fit.flow.time_us[0]), int(fit.flow.time_us[-1])
-        text = f"{fit.flow.origin}: {what}, as {_witness(fit)} shows in {fit.count} measurements"
-        yield Sighting(text, start_us=start, end_us=end, fix=fix)
+        yield _throughout(fit, f"{what}, as {_witness(fit)} shows in {fit.count} measurements", fix)
 
 
-@warning(
+@vehicle_warning(
     "XNF-07",
     "EK3_FLOW_DELAY does not fit",
     "The filter dates flow EK3_FLOW_DELAY and 50 ms before its arrival, as an average over 100 ms. Later flow is "
     "compared with the motion of another moment: rotation looks like velocity.",
     _WRITE,
     "Set EK3_FLOW_DELAY, at most 127 ms, and reboot.",
-    witness=Witness.LOG,
 )
 def _delay(evidence: Evidence) -> Iterator[Sighting]:
     delay_ms = told(evidence, "EK3_FLOW_DELAY")
@@ -257,45 +248,34 @@ def _delay(evidence: Evidence) -> Iterator[Sighting]:
         late_ms = fit.lag_ms - delay_ms
         if late_ms > _AVERAGE_MS + _LATE_MS or late_ms < -_LATE_MS:
             wanted = min(max(fit.lag_ms - _AVERAGE_MS, 0.0), float(_LARGEST_DELAY_MS))
-            yield Sighting(
-                f"{fit.flow.origin}: flow comes {fit.lag_ms:.0f} ms after the turning that it shows; EK3_FLOW_DELAY is "
-                f"{delay_ms:.0f}",
-                start_us=int(fit.flow.time_us[0]),
-                end_us=int(fit.flow.time_us[-1]),
-                fix=f"Set EK3_FLOW_DELAY to about {wanted:.0f}, at most {_LARGEST_DELAY_MS}, and reboot.",
-                severity=Severity.ERROR if late_ms > _AVERAGE_MS + _VERY_LATE_MS else None,
+            yield _throughout(
+                fit,
+                f"flow comes {fit.lag_ms:.0f} ms after the turning that it shows; EK3_FLOW_DELAY is {delay_ms:.0f}",
+                f"Set EK3_FLOW_DELAY to about {wanted:.0f}, at most {_LARGEST_DELAY_MS}, and reboot.",
+                Severity.ERROR if late_ms > _AVERAGE_MS + _VERY_LATE_MS else None,
             )
 
 
-@error(
+@vehicle_error(
     "XNF-08",
     "The flow sensor's own gyro disagrees",
     "The filter subtracts the sensor's body rates from its flow, and learns their bias against its own gyro. Rates in "
     "other axes leave the rotation in the flow.",
     _WRITE,
     "Look at how the sensor is mounted, and at the driver's axes.",
-    witness=Witness.LOG,
 )
 def _gyro(evidence: Evidence) -> Iterator[Sighting]:
     for fit in evidence.flow_fits:
         if fit.of != "gyro" or fit.matrix is None:
             continue
         x, y = fit.factors
-        flow = fit.flow
-        start, end = int(flow.time_us[0]), int(flow.time_us[-1])
-        if not np.ptp(np.nan_to_num(flow.body), axis=0).any():
-            text = f"{flow.origin}: the sensor's body rates are always the same while the vehicle turns"
-        elif not fit.is_judged:
-            continue
-        elif fit.is_mirrored or abs(fit.turned_deg) > _TURNED_DEG or max(abs(x - 1), abs(y - 1)) > _OFF:
+        is_off = fit.is_mirrored or abs(fit.turned_deg) > _TURNED_DEG or max(abs(x - 1), abs(y - 1)) > _OFF
+        if not np.ptp(np.nan_to_num(fit.flow.body), axis=0).any():
+            yield _throughout(fit, "the sensor's body rates are always the same while the vehicle turns")
+        elif fit.is_judged and is_off:
             how = fit.axes if fit.is_mirrored else f"turned by {fit.turned_deg % 360:.0f} degrees"
-            text = (
-                f"{flow.origin}: against the vehicle's gyro the sensor's is {how}, {x:.2f} times as large about x and "
-                f"{y:.2f} times about y"
-            )
-        else:
-            continue
-        yield Sighting(text, start_us=start, end_us=end)
+            size = f"{x:.2f} times as large about x and {y:.2f} times about y"
+            yield _throughout(fit, f"against the vehicle's gyro the sensor's is {how}, {size}")
 
 
 @warning(
@@ -325,14 +305,13 @@ def _period(evidence: Evidence) -> Iterator[Sighting]:
             yield seen(text, flow, everything, None if period_s >= _VERY_COARSE_S else Severity.NOTE)
 
 
-@warning(
+@vehicle_warning(
     "XNF-10",
     "Flow faster than the filter accepts",
     "Flow of 4.2 rad/s and more is dropped, and flow above EK3_MAX_FLOW is not fused. Copter's controllers keep the "
     "speed below that for the height that they know.",
     _FUSE,
     "Fly slower or higher, or set EK3_MAX_FLOW to what the sensor can.",
-    witness=Witness.LOG,
 )
 def _fast(evidence: Evidence) -> Iterator[Sighting]:
     names = ("EK3_MAX_FLOW", "EK3_FLOW_MAX")
@@ -345,13 +324,12 @@ def _fast(evidence: Evidence) -> Iterator[Sighting]:
             yield seen(f"{text}, up to {size.max():.1f}", flow, fast)
 
 
-@error(
+@vehicle_error(
     "XNF-11",
     "Flow stands still while the vehicle moves",
     "Nothing detects repeated values: the filter fuses them as a velocity.",
     _FUSE,
     "Restart the sensor, and look at its program and link.",
-    witness=Witness.LOG,
 )
 def _frozen(evidence: Evidence) -> Iterator[Sighting]:
     turning = evidence.ground.turning
@@ -372,7 +350,7 @@ def _frozen(evidence: Evidence) -> Iterator[Sighting]:
                 break
 
 
-@error(
+@vehicle_error(
     "XNF-12",
     "Flow without a distance to the ground",
     "Flow is an angle: velocity is flow times height above the ground. Without a good range the filter does not know "
@@ -381,7 +359,6 @@ def _frozen(evidence: Evidence) -> Iterator[Sighting]:
     _TERRAIN,
     "Fit a range finder that looks down (RNGFND1_TYPE, RNGFND1_ORIENT 25), whose minimum is below its height on the "
     "ground.",
-    witness=Witness.LOG,
 )
 def _no_height(evidence: Evidence) -> Iterator[Sighting]:
     if 1 not in _asking(evidence) or told(evidence, "EK3_FLOW_USE") == 0:
@@ -399,13 +376,12 @@ def _no_height(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(text, severity=found[1])
 
 
-@error(
+@vehicle_error(
     "XNF-13",
     "The autopilot's own filter rejected flow",
     "Flow whose test ratio is above 1 is not fused. While that lasts the velocity drifts with the accelerometers.",
     _FUSE,
     "See the findings about scale, axes, delay and ranges; a shiny or moving ground is rejected as well.",
-    witness=Witness.LOG,
 )
 def _rejected(evidence: Evidence) -> Iterator[Sighting]:
     check = evidence.ground.check
@@ -424,14 +400,13 @@ def _rejected(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
-@note(
+@vehicle_note(
     "XNF-14",
     "Flow that cannot be judged",
     "No finding here does not mean that the sensor is good.",
     _FUSE,
     "Record a flight, or turn the vehicle by hand about roll and pitch over textured ground, with ATTITUDE or IMU "
     "records in the recording; bit 11 of LOG_BITMASK logs flow, bit 4 ranges.",
-    witness=Witness.LOG,
 )
 def _unjudged(evidence: Evidence) -> Iterator[Sighting]:
     for fit in evidence.flow_fits:

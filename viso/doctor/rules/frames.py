@@ -5,7 +5,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterator
-from functools import partial
+from functools import lru_cache, partial
 from typing import Final, NamedTuple
 
 from mav_handlers.verdicts import ODOMETRY_FRAMES
@@ -170,6 +170,7 @@ def _heading_mix(motion: Motion) -> Iterator[_Mixed]:
         yield _Mixed("XN2-05", correlation, text)
 
 
+@lru_cache(maxsize=32)  # four rules ask
 def _mix_up(motion: Motion) -> _Mixed | None:
     """Return the simplest of the ways in which velocities fit the path well; None if they fit as they are, or never."""
     if not _is_comparable(motion):

@@ -9,8 +9,8 @@ import numpy as np
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting
 from viso.doctor.measures.ground_sensors import FLOW, FlowSeries, RangeFinder, RangeSeries, finders_in
+from viso.doctor.measures.own_filter import Witness
 from viso.doctor.measures.tracks import Bools, Floats, Ints
-from viso.doctor.witness import Witness
 
 FLOW_BIT: Final = 11
 CTUN_BIT: Final = 4
@@ -46,13 +46,7 @@ def is_recorded(evidence: Evidence, bit: int) -> bool:
 
 
 def unheard(evidence: Evidence, sensor: str, severity: Severity | None) -> tuple[str, Severity | None] | None:
-    """Return what SYS_STATUS says of a sensor of which nothing is heard, and how bad that is; None if it is no sign.
-
-    Args:
-        evidence: which has nothing of it.
-        sensor: FLOW or RANGE.
-        severity: how bad it is that there is none.
-    """
+    """Return what SYS_STATUS says of FLOW or RANGE, of which nothing is heard, and how bad that is; None if no sign."""
     is_healthy = evidence.ground.health.get(sensor)
     if not is_recorded(evidence, FLOW_BIT if sensor == FLOW else CTUN_BIT) or is_healthy:
         return None

@@ -8,13 +8,12 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Sighting, warning
+from viso.doctor.findings import Sighting, vehicle_warning, warning
 from viso.doctor.lags import LEAST_STEP_MS, STEADY_WINDOWS, drift_ppm, lateness_ms, minima_of, usable_tracks
 from viso.doctor.measures.compare import Comparison
 from viso.doctor.measures.sender_clock import sender_clock
 from viso.doctor.outputs.phrases import at, of_some, share
 from viso.doctor.rules.clocks import CORRECTION
-from viso.doctor.witness import Witness
 from viso.streams.stream_kinds import Aspect
 
 _MAX_LAG_MS: Final = 500.0
@@ -139,14 +138,13 @@ def _bursts(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
-@warning(
+@vehicle_warning(
     "XN3-11",
     "VISO_DELAY_MS does not fit",
     "The filter treats samples as younger or older than they are. In motion that pulls the estimate back or ahead.",
     "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
     "Set VISO_DELAY_MS to the measured delay.",
     needs=frozenset({Aspect.ARRIVAL}),
-    witness=Witness.LOG,
 )
 def _delay(evidence: Evidence) -> Iterator[Sighting]:
     setting = min(max(evidence.param("VISO_DELAY_MS"), 0.0), 250.0)

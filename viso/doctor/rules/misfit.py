@@ -25,13 +25,12 @@ from viso.doctor.beside_vehicle import (
     ways_of_velocities,
 )
 from viso.doctor.evidence import EXTNAV, Evidence
-from viso.doctor.findings import Severity, Sighting, error
+from viso.doctor.findings import Severity, Sighting, error, vehicle_error
 from viso.doctor.measures.compare import ALIGNING_TYPES
 from viso.doctor.measures.motion import FEWEST_WINDOWS, LEAST_SPEED, Motion, motions_of, typical_speed
 from viso.doctor.measures.tracks import Bools, Floats, Ints
 from viso.doctor.measures.vehicle_position import LevelSeries
 from viso.doctor.outputs.phrases import at, of_some, share
-from viso.doctor.witness import Witness
 from viso.estimators.likeness import Rest, departure, rests
 from viso.estimators.positions import interpolated
 
@@ -64,7 +63,7 @@ def _takes(evidence: Evidence, *names: str) -> Severity | None:
     return None if taken else Severity.WARNING
 
 
-@error(
+@vehicle_error(
     "XN8-10",
     "The yaw does not follow the vehicle's",
     "With EK3_SRC1_YAW 6 it is the heading, or is rejected by EK3_YAW_I_GATE until the filter resets to it; else "
@@ -73,7 +72,6 @@ def _takes(evidence: Evidence, *names: str) -> Severity | None:
     "Look for a source that loses its heading: too few features, a gyro with a bias, an attitude taken from another "
     "frame than the positions. Until that is mended, take the heading from a compass (EK3_SRC1_YAW 1), and use no "
     "positions.",
-    witness=Witness.LOG,
 )
 def _yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
     is_aligned = evidence.viso_type in ALIGNING_TYPES and aligned_us(evidence)
@@ -116,14 +114,13 @@ def _unlike(evidence: Evidence, way: Way, what: str, severity: Severity | None) 
     )
 
 
-@error(
+@vehicle_error(
     "XN8-11",
     "Positions do not move with the vehicle",
     "They are fused while they pass EK3_POS_I_GATE, and the estimate follows them. When they do not pass, position "
     "times out after 7 s, and the filter resets to them.",
     _FUSE,
     "Do not fly with this source. Check that it tracks at all, and that the sender sends its newest estimate.",
-    witness=Witness.LOG,
 )
 def _unrelated(evidence: Evidence) -> Iterator[Sighting]:
     for _, way in ways_of_poses(evidence):
@@ -137,14 +134,13 @@ def _at_rest(evidence: Evidence, way: Way) -> list[Rest]:
     return rests(way.arrival_us, way.pos_m, *reference_of(position), noise_m=position.noise_m, breaks_us=way.breaks_us)
 
 
-@error(
+@vehicle_error(
     "XN8-12",
     "Positions move while the vehicle stands",
     "The estimate follows them as far as the gate allows, and a vehicle that holds its position flies after the "
     "estimate.",
     _FUSE,
     "Look for a source that has lost its track and goes on by inertial data alone, or sees something else move.",
-    witness=Witness.LOG,
 )
 def _moves_alone(evidence: Evidence) -> Iterator[Sighting]:
     noise_m = 0.0 if evidence.position is None else evidence.position.noise_m
@@ -177,14 +173,13 @@ def _standing(
     )
 
 
-@error(
+@vehicle_error(
     "XN8-13",
     "The height leaves the vehicle's",
     "With EK3_SRC1_POSZ 6 the vehicle climbs or sinks after it.",
     _HEIGHT,
     "Take the height from the barometer (EK3_SRC1_POSZ 1, VELZ 0), and look for a scale or a tilt that the source gets "
     "wrong.",
-    witness=Witness.LOG,
 )
 def _sinks(evidence: Evidence) -> Iterator[Sighting]:
     level = evidence.level
@@ -239,14 +234,13 @@ def _length(way: Way, inside: Ints) -> float:
     return float(np.sum(np.linalg.norm(np.diff(places, axis=0), axis=1)))
 
 
-@error(
+@vehicle_error(
     "XN8-14",
     "Velocities do not fit the vehicle's",
     "They are fused while they pass EK3_VEL_I_GATE, and pull the estimate along; rejected ones do not time out while "
     "positions pass.",
     _FUSE,
     "Set EK3_SRC1_VELXY and VELZ to 0 until the source's velocity is right: look at its frame, its unit and its time.",
-    witness=Witness.LOG,
 )
 def _velocity_unrelated(evidence: Evidence) -> Iterator[Sighting]:
     severity = _takes(evidence, "VELXY", "VELZ")

@@ -13,14 +13,12 @@ from ap_core.verdict import Outcome
 from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
 from viso.doctor.evidence import EXTNAV, Evidence
-from viso.doctor.findings import Severity, Sighting, error, note, warning
-from viso.doctor.measures.judged_message import SeenMessage
-from viso.doctor.measures.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY, YAW, OwnFilter
+from viso.doctor.findings import Severity, Sighting, error, note, vehicle_note, warning
+from viso.doctor.measures.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY, YAW, OwnFilter, Witness
 from viso.doctor.measures.stamps import time_base_us
-from viso.doctor.measures.tracks import Floats
+from viso.doctor.measures.tracks import Floats, SeenMessage
 from viso.doctor.outputs.phrases import at, often, seen_in, share
 from viso.doctor.rules.resets import jumps_in
-from viso.doctor.witness import Witness
 from viso.fates.labels import Fate, fate_of
 from viso.fates.watch import UNITS
 
@@ -277,13 +275,12 @@ def _lost(evidence: Evidence) -> Iterator[Sighting]:
             yield seen_in(f"{lost_share} {kind} samples would be lost unused in the filter's buffer", messages)
 
 
-@note(
+@vehicle_note(
     "XN9-06",
     "Your autopilot said so itself",
     "A text of the autopilot in the stream, not of the model.",
     "GCS_MAVLink/GCS.cpp, GCS::send_textv",
     "See the findings that belong to it.",
-    witness=Witness.LOG,
 )
 def _said(evidence: Evidence) -> Iterator[Sighting]:
     told = [

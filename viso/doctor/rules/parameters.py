@@ -14,10 +14,9 @@ from ekf_stub.inputs.source_check import ALLOWED
 from ekf_stub.inputs.sources import SourceXY
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
-from viso.doctor.findings import Severity, Sighting, error, note, warning
+from viso.doctor.findings import Severity, Sighting, note, vehicle_error, vehicle_note, vehicle_warning
 from viso.doctor.measures.stamps import FEWEST
 from viso.doctor.outputs.phrases import at, listed, seen_in, share
-from viso.doctor.witness import Witness
 
 _SOURCES: Final = "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::pre_arm_check"
 _SETS: Final = (1, 2, 3)
@@ -32,13 +31,12 @@ _WHOLE_LIST: Final = 300
 """No ArduPilot vehicle has fewer parameters."""
 
 
-@error(
+@vehicle_error(
     "XN7-01",
     "Visual odometry is off",
     "With VISO_TYPE 0 every message is dropped without a text.",
     DISABLED.rule.source,
     "Set VISO_TYPE to 1 (MAVLink), 2 (T265) or 3 (VOXL), and reboot.",
-    witness=Witness.LOG,
 )
 def _off(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.verdict is DISABLED]
@@ -54,13 +52,12 @@ def _off(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(text, fix=fix, severity=None if in_use else Severity.WARNING)
 
 
-@error(
+@vehicle_error(
     "XN7-02",
     "No backend",
     "The backend is made at boot. Without one all data are dropped, and arming fails: VisOdom: out of memory.",
     NO_BACKEND.rule.source,
     "Set VISO_TYPE to 1, 2 or 3, and reboot.",
-    witness=Witness.LOG,
 )
 def _no_backend(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.vision if one.verdict is NO_BACKEND]
@@ -74,7 +71,7 @@ def _deltas(evidence: Evidence) -> bool:
     return any(isinstance(one.message, VISION_POSITION_DELTA) for one in evidence.vision)
 
 
-@error(
+@vehicle_error(
     "XN7-03",
     "A source without a message that feeds it",
     "Without poses for EK3_SRC1_POSXY the filter does not start aiding by position. It works without the other "
@@ -82,7 +79,6 @@ def _deltas(evidence: Evidence) -> bool:
     "AP_NavEKF3_Control.cpp, NavEKF3_core::readyToUseExtNav",
     "Send ODOMETRY (pose and velocity), or VISION_SPEED_ESTIMATE beside VISION_POSITION_ESTIMATE; or set the source to "
     "a sensor that the vehicle has.",
-    witness=Witness.LOG,
 )
 def _unfed(evidence: Evidence) -> Iterator[Sighting]:
     if not evidence.vision:
@@ -110,13 +106,12 @@ def _is(names: list[str]) -> str:
     return "is" if len(names) == 1 else "are"
 
 
-@error(
+@vehicle_error(
     "XN7-04",
     "No source names external navigation",
     "The filter makes its buffers at boot, and only if some source is 6; without them every sample is discarded.",
     NO_BUFFER.source,
     "Set EK3_SRC1_POSXY 6 and, as far as the stream carries them, EK3_SRC1_VELXY, VELZ and YAW; then reboot.",
-    witness=Witness.LOG,
 )
 def _unused(evidence: Evidence) -> Iterator[Sighting]:
     if not evidence.vision or evidence.viso_type == 0:
@@ -133,13 +128,12 @@ def _unused(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
-@warning(
+@vehicle_warning(
     "XN7-05",
     "Sources of a set that is not active",
     "After boot set 1 is in use; others only after a switch by RC function 90 or MAV_CMD_SET_EKF_SOURCE_SET.",
     "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::setPosVelYawSourceSet",
     "Switch sets, or move the sources to EK3_SRC1.",
-    witness=Witness.LOG,
 )
 def _not_active(evidence: Evidence) -> Iterator[Sighting]:
     in_first = any(evidence.source(name) == EXTNAV for name in SOURCE_NAMES)
@@ -148,13 +142,12 @@ def _not_active(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"only source set {later[0]} names external navigation; set 1 is in use after boot")
 
 
-@note(
+@vehicle_note(
     "XN7-06",
     "Velocities are not used",
     "They are stored and never fused. They still lengthen the time until the filter gives up a height.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
     "Set EK3_SRC1_VELXY and VELZ to 6 if the velocities are good.",
-    witness=Witness.LOG,
 )
 def _velocity_unused(evidence: Evidence) -> Iterator[Sighting]:
     has_source = EXTNAV in (evidence.source("VELXY"), evidence.source("VELZ"))
@@ -162,13 +155,12 @@ def _velocity_unused(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"{evidence.velocities[0].track.sender} carries velocities; EK3_SRC1_VELXY and VELZ are not 6")
 
 
-@error(
+@vehicle_error(
     "XN7-07",
     "Illegal source",
     "Arming fails, also for a set that is not in use.",
     _SOURCES,
     "Set it to 6 (ExtNav), or to another legal value.",
-    witness=Witness.LOG,
 )
 def _illegal(evidence: Evidence) -> Iterator[Sighting]:
     seen = evidence.ground.flows or evidence.ground.ranges
@@ -177,22 +169,19 @@ def _illegal(evidence: Evidence) -> Iterator[Sighting]:
         for name in SOURCE_NAMES:
             value = evidence.source(name, number)
             if value not in ALLOWED[name]:
-                legal = ", ".join(str(int(one)) for one in ALLOWED[name])
+                legal, of_flow = ", ".join(str(int(one)) for one in ALLOWED[name]), ("POSXY", SourceXY.OPTFLOW)
                 yield Sighting(
                     f"EK3_SRC{number}_{name} is {value}; there are {legal}: PreArm: AHRS: Check EK3_SRC{number}_{name}",
-                    fix="Set it to 0: flow tells no position."
-                    if (name, value) == ("POSXY", SourceXY.OPTFLOW)
-                    else None,
+                    fix="Set it to 0: flow tells no position." if (name, value) == of_flow else None,
                 )
 
 
-@error(
+@vehicle_error(
     "XN7-08",
     "No source of yaw",
     "Without one the filter cannot hold a position: with EK3_SRC1_POSXY 6 it starts and stops with every sample.",
     "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
     "Set EK3_SRC1_YAW to 6 if the stream carries the heading; else enable a compass.",
-    witness=Witness.LOG,
 )
 def _no_yaw(evidence: Evidence) -> Iterator[Sighting]:
     yaw = evidence.source("YAW") if evidence.is_concerned else None
@@ -202,26 +191,24 @@ def _no_yaw(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"EK3_SRC1_YAW is {yaw} (compass), and COMPASS_ENABLE or COMPASS_USE is 0")
 
 
-@warning(
+@vehicle_warning(
     "XN7-09",
     "Vertical velocity alone",
     "Vertical velocity is fused only together with horizontal velocity.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::SelectVelPosFusion",
     "Set EK3_SRC1_VELXY to 6 as well, or VELZ to 0.",
-    witness=Witness.LOG,
 )
 def _vertical_only(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.source("VELZ") == EXTNAV and evidence.source("VELXY") == 0 and evidence.velocities:
         yield Sighting("EK3_SRC1_VELZ is 6 and EK3_SRC1_VELXY is 0")
 
 
-@error(
+@vehicle_error(
     "XN7-10",
     "Velocity without a position",
     "Velocity alone never starts aiding; on a moving vehicle it upsets the filter, which resets every few seconds.",
     "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode",
     "Send poses too, and set EK3_SRC1_POSXY to 6; or send VISION_POSITION_DELTA.",
-    witness=Witness.LOG,
 )
 def _no_position(evidence: Evidence) -> Iterator[Sighting]:
     uses = EXTNAV in (evidence.source("VELXY"), evidence.source("VELZ"))
@@ -229,13 +216,12 @@ def _no_position(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting("EK3_SRC1_POSXY is 0, and velocity is all that is used")
 
 
-@error(
+@vehicle_error(
     "XN7-11",
     "Height from a stream without height",
     "z is used as the height in any case.",
     "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
     "Set EK3_SRC1_POSZ to 1 (barometer), and EK3_SRC1_VELZ to 0.",
-    witness=Witness.LOG,
 )
 def _flat_height(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.source("POSZ") != EXTNAV:
@@ -252,13 +238,12 @@ def _flat_height(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
-@error(
+@vehicle_error(
     "XN7-12",
     "EKF3 is not in use",
     "Other estimators do not have source sets and use little or nothing of external navigation.",
     "AP_AHRS.cpp, AP_AHRS::update_EKF3",
     "Set AHRS_EKF_TYPE 3 and EK3_ENABLE 1, and reboot.",
-    witness=Witness.LOG,
 )
 def _filter_off(evidence: Evidence) -> Iterator[Sighting]:
     kind, enabled = int(evidence.param("AHRS_EKF_TYPE")), int(evidence.param("EK3_ENABLE"))
@@ -272,13 +257,12 @@ def _filter_off(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"AHRS_EKF_TYPE is {kind}{what}, and EK3_ENABLE is {enabled}")
 
 
-@warning(
+@vehicle_warning(
     "XN7-13",
     "A parameter needs a reboot",
     "The autopilot read it at boot. Until the next boot the old value acts, wholly or in part.",
     "AP_VisualOdom.cpp, AP_VisualOdom::init; AP_NavEKF3_core.cpp, NavEKF3_core::setup_core",
     "Reboot the autopilot.",
-    witness=Witness.LOG,
 )
 def _reboot_needed(evidence: Evidence) -> Iterator[Sighting]:
     for change in evidence.changes:
@@ -292,26 +276,24 @@ def _reboot_needed(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
-@note(
+@vehicle_note(
     "XN7-14",
     "VISO_ORIENT without effect",
     "Type 1 passes poses on unchanged; the orientation rotates attitudes of types 2 and 3, and deltas.",
     "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
     "Rotate the data in the sender, or use VISO_TYPE 2 or 3.",
-    witness=Witness.LOG,
 )
 def _no_effect(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.viso_type == _MAV and evidence.param("VISO_ORIENT") != 0 and not _deltas(evidence):
         yield Sighting(f"VISO_ORIENT is {evidence.param('VISO_ORIENT'):.0f}, VISO_TYPE is 1")
 
 
-@warning(
+@vehicle_warning(
     "XN7-15",
     "A value that makes no sense",
     "Ranges are for ground stations; the firmware accepts any value.",
     "AP_VisualOdom.cpp, AP_VisualOdom::var_info",
     "Set it within its range.",
-    witness=Witness.LOG,
 )
 def _out_of_range(evidence: Evidence) -> Iterator[Sighting]:
     delay, quality = evidence.param("VISO_DELAY_MS"), evidence.param("VISO_QUAL_MIN")
@@ -340,14 +322,13 @@ def _assumed(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"these were not given, so defaults were assumed: {values}")
 
 
-@note(
+@vehicle_note(
     "XN7-17",
     "External navigation is not set up",
     "With VISO_TYPE 0 every message is dropped, and without a source that is 6 the filter uses none.",
     DISABLED.rule.source,
     "Nothing, if none is wanted. Else set VISO_TYPE 1 and the EK3_SRC1_ parameters to 6 for what the camera measures, "
     "reboot, and send ODOMETRY.",
-    witness=Witness.LOG,
 )
 def _not_set_up(evidence: Evidence) -> Iterator[Sighting]:
     if not evidence.vision and evidence.is_off and not evidence.asks:

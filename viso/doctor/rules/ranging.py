@@ -11,7 +11,7 @@ import numpy as np
 from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
 from ekf_stub.inputs.sources import SETS, SourceZ
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Severity, Sighting, error, note, warning
+from viso.doctor.findings import Severity, Sighting, vehicle_error, vehicle_note, vehicle_warning
 from viso.doctor.measures.ground_sensors import RANGE, RangeSeries
 from viso.doctor.measures.tracks import Bools, Floats
 from viso.doctor.outputs.phrases import at, listed, often, share
@@ -26,7 +26,6 @@ from viso.doctor.rules.ground_set_up import (
     told,
     unheard,
 )
-from viso.doctor.witness import Witness
 from viso.estimators.series import stretches_of
 
 _STALE_US: Final = 500_000
@@ -67,7 +66,7 @@ def _down(evidence: Evidence) -> Iterator[RangeSeries]:
             yield one
 
 
-@error(
+@vehicle_error(
     "XNR-01",
     "A source asks for ranges that are not there",
     "Without a fresh range the filter takes its height from the barometer, without a text; with no range finder set up "
@@ -75,7 +74,6 @@ def _down(evidence: Evidence) -> Iterator[RangeSeries]:
     _HEIGHT,
     "Set RNGFND1_TYPE to the sensor that there is (10 for DISTANCE_SENSOR over MAVLink) and RNGFND1_ORIENT 25, and "
     "reboot; or set EK3_SRCn_POSZ to 1 (barometer).",
-    witness=Witness.LOG,
 )
 def _not_there(evidence: Evidence) -> Iterator[Sighting]:
     asking = _asking(evidence)
@@ -88,13 +86,12 @@ def _not_there(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"{listed(asking)}, and no range was heard{found[0]}", severity=found[1])
 
 
-@warning(
+@vehicle_warning(
     "XNR-02",
     "Ranges that nothing uses",
     "DISTANCE_SENSOR reaches a range finder with RNGFNDn_TYPE 10 whose RNGFNDn_ORIENT is the message's orientation.",
     "AP_RangeFinder_MAVLink.cpp, AP_RangeFinder_MAVLink::handle_msg",
     "Set RNGFND1_TYPE 10 and RNGFND1_ORIENT 25, reboot, and send orientation 25 (down).",
-    witness=Witness.LOG,
 )
 def _unused(evidence: Evidence) -> Iterator[Sighting]:
     finders = range_finders(evidence)
@@ -109,13 +106,12 @@ def _unused(evidence: Evidence) -> Iterator[Sighting]:
             yield seen(f"they are of orientation {orient}, and there is {listed(ours)}", one, everything)
 
 
-@error(
+@vehicle_error(
     "XNR-03",
     "The range finder does not look down",
     "The filter uses only ranges of orientation 25 (down), of the first two range finders.",
     _READ,
     "Set RNGFNDn_ORIENT to 25, and send DISTANCE_SENSOR with orientation 25, if the sensor looks down.",
-    witness=Witness.LOG,
 )
 def _elsewhere(evidence: Evidence) -> Iterator[Sighting]:
     ranges = [one for one in evidence.ground.ranges if len(one)]
@@ -137,7 +133,7 @@ def _statuses(one: RangeSeries, mask: Bools) -> str:
     )
 
 
-@error(
+@vehicle_error(
     "XNR-04",
     "No good range at all",
     "The filter uses only good ranges: between RNGFNDn_MIN and RNGFNDn_MAX, and not older than half a second. A sensor "
@@ -145,7 +141,6 @@ def _statuses(one: RangeSeries, mask: Bools) -> str:
     _STATUS,
     "Set RNGFNDn_MIN below the sensor's height on the ground and RNGFNDn_MAX above the height flown, as far as it can "
     "measure; look at its wires and its scale (RNGFNDn_SCALING, DISTANCE_SENSOR in cm).",
-    witness=Witness.LOG,
 )
 def _never_good(evidence: Evidence) -> Iterator[Sighting]:
     for one in _down(evidence):
@@ -171,14 +166,13 @@ def _limits(evidence: Evidence, one: RangeSeries) -> str:
     return "".join(f", {text}" for text in known)
 
 
-@warning(
+@vehicle_warning(
     "XNR-05",
     "Ranges are missing in flight",
     "After half a second without a good range a height by the range finder becomes one by the barometer, with a jump, "
     "and after 5 s the filter no longer knows where the ground is. Copter's surface tracking stops.",
     _HEIGHT,
     "Look at the sensor's range, at dark, wet or tilted ground, and at its link.",
-    witness=Witness.LOG,
 )
 def _missing(evidence: Evidence) -> Iterator[Sighting]:
     for one in _down(evidence):
@@ -206,13 +200,12 @@ def _missing(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
-@error(
+@vehicle_error(
     "XNR-06",
     "The range stands still while the vehicle climbs",
     "Nothing detects repeated ranges: height, or the scale of flow, is then that of another moment.",
     _READ,
     "Restart the sensor, and look at its program and link; a sensor measures whatever hangs beneath it.",
-    witness=Witness.LOG,
 )
 def _stuck(evidence: Evidence) -> Iterator[Sighting]:
     for one in _down(evidence):
@@ -233,14 +226,13 @@ def _stuck(evidence: Evidence) -> Iterator[Sighting]:
                 break
 
 
-@warning(
+@vehicle_warning(
     "XNR-07",
     "Ranges with outliers",
     "The filter takes the median of three ranges: a single outlier is lost, two in a row get through, as far as the "
     "gate (EK3_RNG_I_GATE) lets them.",
     _READ,
     "Look at what the sensor sees: landing gear, propellers, sunlight, dust, or an echo.",
-    witness=Witness.LOG,
 )
 def _outliers(evidence: Evidence) -> Iterator[Sighting]:
     for one in _down(evidence):
@@ -258,13 +250,12 @@ def _outliers(evidence: Evidence) -> Iterator[Sighting]:
             yield seen(f"{text} from those around them", one, shown)
 
 
-@error(
+@vehicle_error(
     "XNR-08",
     "Ranges of another scale than the height",
     "Height by the range finder, and velocity by flow, are wrong by the same factor.",
     _HEIGHT,
     "Set RNGFNDn_SCALING, or send DISTANCE_SENSOR in cm; uneven ground looks the same.",
-    witness=Witness.LOG,
 )
 def _scale(evidence: Evidence) -> Iterator[Sighting]:
     for one in _down(evidence):
@@ -278,13 +269,7 @@ def _scale(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> tuple[float, float] | None:
-    """Return how much ranges grow with the height, and the correlation; None if the vehicle hardly climbed.
-
-    Args:
-        evidence: which has the height.
-        one: with the ranges.
-        late_us: how much later than the height they are taken to be.
-    """
+    """Return how much ranges, so late, grow with the height, and the correlation; None without a climb."""
     height_m = above_start_m(evidence, one.time_us - late_us)
     known = one.is_good & np.isfinite(height_m) & np.isfinite(one.dist_m)
     if known.sum() < _FEWEST or np.ptp(height_m[known]) < _SCALE_CLIMB_M or np.ptp(one.dist_m[known]) == 0:
@@ -293,14 +278,13 @@ def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> t
     return float(np.polyfit(height_m[known], one.dist_m[known], 1)[0]), alike
 
 
-@warning(
+@vehicle_warning(
     "XNR-10",
     "Ranges come late",
     "The filter dates a range 25 ms before its arrival. A later one gives the height of another moment while the "
     "vehicle climbs or sinks.",
     _READ,
     "Send each range at once; look for a filter in the sensor, or a slow link.",
-    witness=Witness.LOG,
 )
 def _late(evidence: Evidence) -> Iterator[Sighting]:
     for one in _down(evidence):
@@ -316,14 +300,13 @@ def _late(evidence: Evidence) -> Iterator[Sighting]:
             yield seen(text, one, one.is_good)
 
 
-@note(
+@vehicle_note(
     "XNR-09",
     "Ranges that cannot be judged",
     "No finding here does not mean that the sensor is good.",
     _READ,
     "Record a climb of 2 m over even ground, with the vehicle's height in the recording; bit 4 of LOG_BITMASK logs "
     "ranges.",
-    witness=Witness.LOG,
 )
 def _unjudged(evidence: Evidence) -> Iterator[Sighting]:
     for one in _down(evidence):

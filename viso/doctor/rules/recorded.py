@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Severity, Sighting, error, note, warning
+from viso.doctor.findings import Severity, Sighting, vehicle_error, vehicle_note, vehicle_warning
 from viso.doctor.measures.own_filter import (
     CHANNELS,
     HEIGHT,
@@ -19,11 +19,11 @@ from viso.doctor.measures.own_filter import (
     VELOCITY_LOST,
     OverOne,
     OwnFilter,
+    Witness,
     said_by_filter,
 )
 from viso.doctor.measures.tracks import Bools
 from viso.doctor.outputs.phrases import at, often, share
-from viso.doctor.witness import Witness
 from viso.estimators.series import overlap_s, total_s
 
 RATIO_CODES: Final = frozenset({"XN9-10", "XN9-11", "XN9-14"})
@@ -96,7 +96,7 @@ def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, st
         yield one, _told(own, one)
 
 
-@error(
+@vehicle_error(
     "XN9-10",
     "The autopilot's own filter rejected external navigation",
     "A measurement whose test ratio is above 1 is not fused: while that lasts the filter uses what is left, in the end "
@@ -104,14 +104,13 @@ def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, st
     _FUSE,
     "Trust this more than any model: the stream contradicts the vehicle's other sensors. See the findings about "
     "frames, axes, yaw, scale, delay and jumps.",
-    witness=Witness.LOG,
 )
 def _rejected_extnav(evidence: Evidence) -> Iterator[Sighting]:
     for one, text in _over_one(evidence, by_extnav=True):
         yield Sighting(text, start_us=one.first_us, end_us=one.last_us, severity=_how_bad(one))
 
 
-@warning(
+@vehicle_warning(
     "XN9-11",
     "The autopilot's own filter rejected another sensor",
     "A measurement whose test ratio is above 1 is not fused. A sensor that disagrees with external navigation shows in "
@@ -119,7 +118,6 @@ def _rejected_extnav(evidence: Evidence) -> Iterator[Sighting]:
     _FUSE,
     "Find out which of the two is right: a compass near motors or iron, a GPS indoors, or a camera whose frame is "
     "turned.",
-    witness=Witness.LOG,
 )
 def _rejected_others(evidence: Evidence) -> Iterator[Sighting]:
     for one, text in _over_one(evidence, by_extnav=False):
@@ -127,14 +125,13 @@ def _rejected_others(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(text, start_us=one.first_us, end_us=one.last_us, severity=severity)
 
 
-@error(
+@vehicle_error(
     "XN9-12",
     "The autopilot calls its vision sensor unhealthy",
     "With VISO_TYPE set the sensor is present and enabled; if no message reaches the driver for 300 ms it is "
     "unhealthy, and arming is refused: VisOdom: not healthy.",
     "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy; GCS_Common.cpp, GCS::update_sensor_status_flags",
     "Look for messages that the autopilot drops (frames, ids, link, rate) or that are never sent.",
-    witness=Witness.LOG,
 )
 def _unhealthy(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.own_filter
@@ -170,14 +167,13 @@ def _unhealthy(evidence: Evidence) -> Iterator[Sighting]:
     )
 
 
-@error(
+@vehicle_error(
     "XN9-13",
     "The autopilot's EKF check acted",
     "After a second with two test ratios above FS_EKF_THRESH, or without a position, it says EKF variance; in flight "
     "FS_EKF_ACTION follows, by default a landing.",
     _CHECK,
     "See what the filter rejected or lost just before.",
-    witness=Witness.LOG,
 )
 def _failsafe(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.own_filter
@@ -200,13 +196,12 @@ def _may_rely_on_extnav(own: OwnFilter) -> bool:
     return not own.is_told(POSITION).any()
 
 
-@warning(
+@vehicle_warning(
     "XN9-14",
     "The autopilot's cores disagree",
     "EKF3 runs a core for each IMU, and flies with another when that has had the smaller errors for long enough.",
     "AP_NavEKF3.cpp, NavEKF3::UpdateFilter",
     "Compare the cores: one that leaves the others has a bad IMU; if all of them reject, the stream is wrong.",
-    witness=Witness.LOG,
 )
 def _cores(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.own_filter
@@ -231,14 +226,13 @@ def _cores(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
-@error(
+@vehicle_error(
     "XN9-15",
     "The autopilot's own filter never navigated by external navigation",
     "With EK3_SRC1_POSXY 6 the filter waits for poses, and stays in constant position mode until then: no position, no "
     "modes that need one.",
     _CONTROL,
     "Look first whether messages reach the driver (VISP in the log, SYS_STATUS), then for a yaw source.",
-    witness=Witness.LOG,
 )
 def _never_used(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.own_filter
@@ -264,14 +258,13 @@ def _said(stops: list[int]) -> str:
     return f', and said "stopped aiding" {often(len(stops))}' if stops else ""
 
 
-@error(
+@vehicle_error(
     "XN9-16",
     "The autopilot's own filter lost external navigation",
     "If no position passes for 7 s, or none comes for long enough, the filter times out. It resets to the positions "
     "that it gets, or stops aiding and holds a position that it no longer knows.",
     _CONTROL,
     "See the findings about gaps, rejected samples and sources.",
-    witness=Witness.LOG,
 )
 def _lost(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.own_filter
@@ -305,13 +298,12 @@ def _lost_for(own: OwnFilter, lost: Bools, what: str, stops: list[int]) -> Itera
     )
 
 
-@note(
+@vehicle_note(
     "XN9-17",
     "The filter's own reports were not recorded",
     "Missing records prove nothing: the filter may have rejected everything.",
     "AP_NavEKF3_Logging.cpp, NavEKF3::Log_Write; GCS_Common.cpp, GCS_MAVLINK::send_ekf_status_report",
     "Record it: XKF records come with bit 0 or 1 of LOG_BITMASK, EKF_STATUS_REPORT with the stream EXTRA3.",
-    witness=Witness.LOG,
 )
 def _missing(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.own_filter

@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -115,6 +116,7 @@ class _Resets(NamedTuple):
     shifted: Bools
 
 
+@lru_cache(maxsize=32)  # many rules ask
 def _resets(poses: Poses) -> _Resets:
     steps = _steps(poses)
     jumped, turned, changed = _jumped(steps), _turned(steps, poses), steps.counter_changed

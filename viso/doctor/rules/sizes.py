@@ -9,12 +9,11 @@ import numpy as np
 
 from viso.doctor.beside_vehicle import is_related
 from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Severity, Sighting, error, warning
+from viso.doctor.findings import Severity, Sighting, error, vehicle_warning, warning
 from viso.doctor.measures.motion import Agreement, Motion, agreement, typical_speed
 from viso.doctor.measures.stamps import FEWEST, time_base_us
 from viso.doctor.measures.tracks import Poses, median_of
 from viso.doctor.outputs.phrases import at, of_some, of_track
-from viso.doctor.witness import Witness
 
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
 _SCALED: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
@@ -96,13 +95,12 @@ def _wrong_scale(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
-@warning(
+@vehicle_warning(
     "XN5-18",
     "Positions of another scale than the vehicle's path",
     "Positions are multiplied by VISO_SCALE and read as metres. A wrong scale stretches or shrinks every flown path.",
     _SCALED,
     "Set VISO_SCALE, or correct the scale at the source.",
-    witness=Witness.LOG,
 )
 def _scale_of_vehicle(evidence: Evidence) -> Iterator[Sighting]:
     setting = evidence.param("VISO_SCALE")

@@ -10,12 +10,7 @@ import numpy as np
 
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.verdicts import BAD_CRC, NOT_ACCEPTED, NOT_ADDRESSED, OWN_MESSAGE, UNKNOWN_MESSAGE
-from mav_handlers.wire.messages import (
-    COMMAND_INT,
-    COMMAND_LONG,
-    PARAM_SET,
-    SET_GPS_GLOBAL_ORIGIN,
-)
+from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, PARAM_SET, SET_GPS_GLOBAL_ORIGIN
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, warning
 from viso.doctor.measures.stamps import FEWEST, are_us

@@ -16,9 +16,9 @@ from viso.companion.faults.packet import read_packet
 from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
 from viso.doctor.measures.flow_fit import fit_flow
 from viso.doctor.measures.ground_sensors import FlowSeries, GroundSensors, driven
+from viso.doctor.measures.own_filter import Witness
 from viso.doctor.measures.tracks import Floats
 from viso.doctor.measures.vehicle_data import vehicle_of_log
-from viso.doctor.witness import Witness
 from viso.streams.stream_kinds import read_whole_stream
 
 LOGS = SHARED.parent / "parity" / "ekf_more"

@@ -37,12 +37,11 @@ from tests.unit.viso.doctor.own_filters import (
 from tests.unit.viso.doctor.test_outcome import message
 from tests.unit.viso.report.log_maker import LOST, LogMaker
 from viso.doctor import RULES, Finding, Severity, diagnose
-from viso.doctor.measures.own_filter import NOT_TOLD, OwnFilter
+from viso.doctor.measures.own_filter import NOT_TOLD, OwnFilter, Witness
 from viso.doctor.measures.own_log import own_filter_in
 from viso.doctor.measures.vehicle_position import PositionSeries
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.outputs.terminal import summary_lines
-from viso.doctor.witness import Witness
 from viso.fates.watch import AidingSpan
 from viso.logs.recorded import read_columns
 

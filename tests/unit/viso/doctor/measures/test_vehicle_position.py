@@ -3,6 +3,7 @@
 """The scale and the axes of positions are told by the vehicle's own path, if that is not made of them."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,7 +27,7 @@ from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, faulty, piec
 from tests.unit.viso.report.log_maker import LogMaker
 from viso.doctor import Finding, Severity
 from viso.doctor.gathering import GatherOptions, gather
-from viso.doctor.measures.paths import compare_paths
+from viso.doctor.measures.compare import compare_paths
 from viso.doctor.measures.tracks import Floats
 from viso.doctor.measures.vehicle_data import listen, vehicle_of_log
 from viso.doctor.measures.vehicle_position import (
@@ -59,7 +60,7 @@ def path_of(seed: int = 1) -> Floats:
     )
 
 
-def found_for(sent_m: Floats, vehicle_m: Floats, **params: float) -> dict[str, Finding]:
+def found_for(sent_m: Floats, vehicle_m: Floats, **params: float) -> Mapping[str, Finding]:
     """Return what is found of positions if the vehicle was elsewhere."""
     messages = [pose(1 + n * PERIOD_US, x=x, y=y, z=z) for n, (x, y, z) in enumerate(sent_m.tolist())]
     made = evidence_of(stream_of(messages, PERIOD_US), {"EK3_SRC1_YAW": 1, **params})

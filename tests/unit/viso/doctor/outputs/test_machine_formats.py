@@ -12,10 +12,10 @@ from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, stream_of
 from viso.doctor import RULES, Finding, Severity, diagnose
 from viso.doctor.findings import numbers_text
+from viso.doctor.measures.own_filter import Witness
 from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.outputs.terminal import count_text, finding_lines
-from viso.doctor.witness import Witness
 
 EVIDENCE = evidence_of(
     stream_of([odometry(1 + number * 40_000, q=(2.0, 0, 0, 0)) for number in range(100)]),
