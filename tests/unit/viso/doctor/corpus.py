@@ -4,6 +4,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -29,6 +30,12 @@ _PIECES: Final[Mapping[str, tuple[str, float, float]]] = {
     LONG: ("flight_mav_extyaw", 30.0, 30.0),
 }
 _NO_SPEED: Final = {"EK3_SRC1_VELXY": 0.0, "EK3_SRC1_VELZ": 0.0}
+
+
+@cache
+def _sound(base: str, every: int) -> Stream:
+    stream = piece(*_PIECES[base], every)
+    return faulty(stream, "{kind: fail, messages: VISION_SPEED_ESTIMATE}") if base == POSE else stream
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +69,7 @@ class Case:
 
     def stream(self) -> Stream:
         """Return the stream with its defect."""
-        name, start_s, length_s = _PIECES[self.base]
-        stream = piece(name, start_s, length_s, self.every)
-        if self.base == POSE:
-            stream = faulty(stream, "{kind: fail, messages: VISION_SPEED_ESTIMATE}")
+        stream = _sound(self.base, self.every)
         params = {**stream.params, **(_NO_SPEED if self.base == POSE else {}), **self.params}
         stream = replace(stream, params=params)
         return faulty(stream, self.faults) if self.faults else stream

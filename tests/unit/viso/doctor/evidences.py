@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evidence made of messages alone, without a trial: for rules that look at what is sent."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any, Final
@@ -132,6 +132,25 @@ def seen_in(stream: Stream) -> list[SeenMessage]:
     return found
 
 
-def findings_of(evidence: Evidence) -> dict[str, Finding]:
-    """Return what is found by code, the last of each."""
-    return {finding.code: finding for finding in diagnose(evidence, RULES)}
+class Found(Mapping[str, Finding]):
+    """What is found by code, the last of each; a rule looks when its code is asked for: none looks at another."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self._evidence = evidence
+
+    def __getitem__(self, code: str) -> Finding:
+        found = diagnose(self._evidence, [rule for rule in RULES if rule.code == code])
+        if not found:
+            raise KeyError(code)
+        return found[-1]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys(finding.code for finding in diagnose(self._evidence, RULES)))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+
+def findings_of(evidence: Evidence) -> Found:
+    """Return what is found."""
+    return Found(evidence)

@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import Final, NamedTuple
 
 from mav_handlers.wire.codec import Codec
@@ -39,6 +40,7 @@ SET_UP: Final[Mapping[str, float]] = {
     "RNGFND1_MIN": 0.05,
     "RNGFND1_MAX": 30,
 }
+START_US: Final = 30_000_000
 LENGTH_S: Final = 24.0
 FLOW_S: Final = 0.04
 _STEP_S: Final = 0.02
@@ -105,22 +107,27 @@ def _said(time_s: float, tick: int) -> Iterable[tuple[int, Message]]:
         yield 1, GLOBAL_POSITION_INT(boot_ms, 0, 0, above_mm, above_mm, 0, 0, 0, 0)
 
 
+@cache
+def _flown() -> list[tuple[str, Timed]]:
+    """Return the names of the flight's messages, with their frames and times in us."""
+    codecs = {component: Codec(1, component) for component in (1, 197, 198)}
+    return [
+        (type(message).__name__, (START_US + round(1e6 * tick * _STEP_S), codecs[component].encode(message)))
+        for tick in range(round(LENGTH_S / _STEP_S))
+        for component, message in _said(tick * _STEP_S, tick)
+    ]
+
+
 def flight(
     params: Mapping[str, float] | None = None, *, without: Sequence[str] = ("VISION_POSITION_ESTIMATE",)
 ) -> list[Timed]:
     """Return the frames of the flight, with their times in us; parameters come first, all of them."""
-    codecs = {component: Codec(1, component) for component in (1, 197, 198)}
+    codec = Codec(1, 1)
     told = {**SET_UP, **(params or {})}
-    start_us = 30_000_000
-    frames = [(start_us, codecs[1].encode(HEARTBEAT(2, 3, 0, 0, 4, 3)))]
+    frames = [(START_US, codec.encode(HEARTBEAT(2, 3, 0, 0, 4, 3)))]
     for index, (name, value) in enumerate(told.items()):
-        frames.append((start_us, codecs[1].encode(PARAM_VALUE(name, value, 9, len(told), index))))
-    for tick in range(round(LENGTH_S / _STEP_S)):
-        time_s = tick * _STEP_S
-        for component, message in _said(time_s, tick):
-            if type(message).__name__ not in without:
-                frames.append((start_us + round(1e6 * time_s), codecs[component].encode(message)))
-    return frames
+        frames.append((START_US, codec.encode(PARAM_VALUE(name, value, 9, len(told), index))))
+    return [*frames, *(timed for name, timed in _flown() if name not in without)]
 
 
 def with_fault(frames: Sequence[Timed], fault: str) -> list[Timed]:

@@ -3,6 +3,7 @@
 """Findings about what becomes of a covariance in which release."""
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
@@ -26,7 +27,7 @@ def covariance(position: float, attitude: float = 0.0) -> tuple[float, ...]:
     return tuple(variances.get(index, 0.0) for index in range(21))
 
 
-def found(messages: list[Message], firmware: str, **params: float) -> dict[str, Finding]:
+def found(messages: list[Message], firmware: str, **params: float) -> Mapping[str, Finding]:
     return findings_of(evidence_of(stream_of(messages), params, firmware=PROFILES[firmware]))
 
 

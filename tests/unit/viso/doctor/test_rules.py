@@ -4,6 +4,7 @@
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -219,7 +220,7 @@ def test_stream_that_begins_in_motion_has_no_jump(yaw_rate: float) -> None:
     assert not {"XN6-01", "XN6-02"} & set(findings_of(evidence_of(stream_of(messages, 100_000))))
 
 
-def _turning(euler_deg: list[list[float]]) -> dict[str, Finding]:
+def _turning(euler_deg: list[list[float]]) -> Mapping[str, Finding]:
     quats = quats_of_euler(np.radians(euler_deg))
     messages = [odometry(1 + n * 100_000, q=quat) for n, quat in enumerate(quats)]
     return findings_of(evidence_of(stream_of(messages, 100_000)))
