@@ -30,6 +30,7 @@ from viso.sensors.options import ImuOptions
 from viso.sensors.standing import BenchSource
 
 LOOP_US = 2500
+QUIET_UNTIL_US = 3_400_000  # after boot, when the estimator soon starts
 HOME = Location(-353632610, 1491652300, 58400)
 SOURCES = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
 
@@ -126,6 +127,9 @@ class BenchRig:
     def run_to(self, time_s: float) -> None:
         """Run the main loop."""
         camera = VisualOdomFrame(self.camera_pos, 10, True, True)
+        if self._next_us == 0 and time_s * 1e6 > QUIET_UNTIL_US:
+            self.run_to(0.0)
+            self._next_us = QUIET_UNTIL_US
         while self._next_us <= round(time_s * 1e6):
             self.clock.set_us(self._next_us)
             self.ahrs.update(camera)
