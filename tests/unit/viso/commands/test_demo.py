@@ -7,11 +7,13 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.companion.engine.compiled import inertial_engine
+from viso.closed_loop.loop import Script, VehicleLoop
 from viso.demo import odometry as demo_vio
 from viso.demo.odometry import VioDemo
 
@@ -20,7 +22,13 @@ VIO = "--camera", "vio"
 
 
 def cut(monkeypatch: pytest.MonkeyPatch, end_s: float) -> None:
-    """Cut the flights short."""
+    """Cut the flights short, and what is to be done in them."""
+    play = VehicleLoop.play
+
+    def play_until(loop: VehicleLoop, script: Script, end_s: float, *told: Any) -> None:
+        play(loop, [(time_s, act) for time_s, act in script if time_s < end_s], end_s, *told)
+
+    monkeypatch.setattr(VehicleLoop, "play", play_until)
     monkeypatch.setattr("viso.demo.tracking_camera.END_S", end_s)
     monkeypatch.setattr("viso.demo.odometry.END_S", end_s)
 

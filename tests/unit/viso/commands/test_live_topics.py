@@ -113,7 +113,7 @@ def test_what_does_not_go_with_a_live_topic_is_one_line(viso: Viso, args: tuple[
 
 @pytest.mark.usefixtures("filled")
 def test_the_doctor_takes_all_that_comes_as_it_is(viso: Viso) -> None:
-    outcome = viso("doctor", "ros2:/odom", "--seconds", "0.01", "--filter-seconds", "0", "--json")
+    outcome = viso("doctor", "ros2:/odom", "--seconds", "0.01", "--filter-seconds", "0", "--lead", "1", "--json")
     told = json.loads(outcome.out)
     assert {"XN5-01", "XN5-19"} <= {finding["code"] for finding in told["findings"]}
     assert "ros2:/odom: 2 messages that could not be read" in told["notes"]

@@ -5,6 +5,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ from tests.interop.programs import autopilot
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from tests.unit.viso.recording.fake_autopilot import FakeAutopilot, read_lines
 from tests.unit.viso.recording.test_record_viso import deviations
+from viso.commands import record as record_command
 from viso.recording import driving
 from viso.recording.scenario import SCENARIOS
 
@@ -39,9 +41,9 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
-def test_scenarios_are_listed(viso: Viso) -> None:
-    lines = viso("record").out.splitlines()
-    assert [line.partition(":")[0] for line in lines] == list(SCENARIOS)
+def test_scenarios_are_listed(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(record_command, "read_scenario", lambda name: SimpleNamespace(about=f"about {name}"))
+    assert viso("record").out.splitlines() == [f"{name}: about {name}" for name in SCENARIOS]
 
 
 def test_what_cannot_be_used_is_told_in_one_line(viso: Viso, scenario: Path) -> None:

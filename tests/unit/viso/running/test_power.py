@@ -58,7 +58,7 @@ class Rig:
         self.tell(COMMAND_LONG(1, 1, REBOOT, 0, 1, 0, 0, 0, 0, 0, 0))
         restarted = self.powered.restart_if_asked()
         self.scheduler = Scheduler(self.powered.vehicle)
-        self.run(4.0)
+        self.run(2.5)
         return restarted
 
     def value(self, name: str) -> float:
@@ -73,7 +73,7 @@ def make() -> Iterator[Callable[..., Rig]]:
 
     def build(**config: object) -> Rig:
         rigs.append(Rig(VehicleConfig(links=2, **config)))  # type: ignore[arg-type]
-        rigs[-1].run(4.0)
+        rigs[-1].run(2.5)
         rigs[-1].tell(ALIVE)
         return rigs[-1]
 
@@ -99,8 +99,10 @@ def test_answer_to_the_reboot_command_leaves_before_the_restart(make: Callable[.
 
 def test_restart_makes_a_vehicle_that_has_heard_of_nobody(make: Callable[..., Rig]) -> None:
     rig = make()
+    rig.run(1.5)  # until the filter takes an origin
     rig.powered.vehicle.set_origin(Location(1, 2, 3))
     assert rig.reboot()
+    rig.run(1.5)
     assert rig.booted[-1] is rig.powered.vehicle is not rig.booted[0]
     assert rig.powered.vehicle.ahrs.origin() is None
     assert not any(channel.active for channel in rig.powered.channels)

@@ -68,6 +68,7 @@ def test_cluster_without_workers_is_one_line(plan: SweepPlan, monkeypatch: pytes
         next(run_on_cluster(plan, plan.points(), cluster.scheduler_address))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 def test_address_that_is_none_is_one_line(plan: SweepPlan) -> None:
     with pytest.raises(InputError, match="--scheduler nowhere://x: no scheduler answers"):

@@ -4,12 +4,15 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from tests.places import DATA
 from tests.unit.viso.sweep.conftest import CAPTURE
 from viso.errors import InputError
+from viso.sensors.flown.flight import Basis
+from viso.sweep import planning
 from viso.sweep.planning import make_plan
 from viso.sweep.request import Wishes, read_wishes
 
@@ -43,7 +46,9 @@ def toml(tmp_path: Path) -> Toml:
 
 
 @pytest.fixture
-def whole(tmp_path: Path, toml: Toml) -> Path:
+def whole(tmp_path: Path, toml: Toml, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a file that says it all; nobody asks what the motion of its logs is made of."""
+    monkeypatch.setattr(planning, "read_flight", lambda _log: SimpleNamespace(basis=Basis.REPLAY))
     (tmp_path / "other").mkdir()
     (tmp_path / "mav.jsonl.gz").symlink_to(CAPTURE)
     (tmp_path / "other" / "t265.jsonl.gz").symlink_to(CAPTURE.parent / "t265.jsonl.gz")
