@@ -29,13 +29,13 @@ def make_parts() -> Callable[..., FilterParts]:
 
 @pytest.fixture(scope="session")
 def make_core() -> Callable[..., CoreRig]:
-    """Return a function that makes a core from its sources and parameters without ``EK3_``; it has run for 4 s."""
+    """Return a function that makes a core from its sources and parameters without ``EK3_``; it knows tilt by then."""
 
     def make(
         sources: str = "66666",
         *,
         has_compass: bool = False,
-        run_s: float = 4.0,
+        run_s: float = 2.6,
         release: FilterRelease = REFERENCE,
         **params: float,
     ) -> CoreRig:

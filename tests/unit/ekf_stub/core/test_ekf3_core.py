@@ -410,7 +410,7 @@ def test_place_needs_an_origin_and_a_vehicle_that_navigates(make_core: MakeCore)
 
 @pytest.mark.slow
 def test_height_counts_from_where_the_vehicle_stands_and_the_origin_goes_there(make_core: MakeCore) -> None:
-    rig = make_core("60166")
+    rig = make_core("60166", run_s=4.0)
     rig.core.set_origin(HOME)
     rig.height = 3.0
     rig.run_for(10)
