@@ -8,8 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.inertial import Array
 from viso.sensors.errors import NO_ERRORS, ErrorModel, SensorErrors
+from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 
 _NOTHING_AHEAD: Final[Array] = np.zeros((0, 8))
 
@@ -39,6 +41,18 @@ class UnmovedSource:
     def __init__(self, options: ImuOptions) -> None:
         self._options = options
         self._model = ErrorModel(options.errors, options.seed)
+        self._next_reading_us = 0
+        self._baro: tuple[int, float] | None = None
+        self._mag: tuple[int, Array] | None = None
+
+    def _read(self, now_us: int, height_m: float, quat: quaternion.quaternion) -> None:
+        """Read the barometer, and the compass if there is one, of a vehicle with an attitude (body to NED)."""
+        reading_us = last_reading_us(now_us)
+        if reading_us is None:
+            return
+        self._next_reading_us = reading_us + PERIOD_US
+        self._baro = reading_us // 1000, float(np.float32(height_m))
+        self._mag = (reading_us, ideal_field(quat)) if self._options.has_compass() else None
 
     def ahead(self, times_us: range) -> Array:
         """Say nothing beforehand."""

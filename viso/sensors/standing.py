@@ -36,7 +36,6 @@ class BenchSource(UnmovedSource):
         self._dt_us = NOMINAL_US
         self._delta = self._move_on(NOMINAL_US)
         self._rows = np.tile(row_of(self._delta), (MOST_AHEAD, 1))
-        self._next_reading_us = 0
         self._ideal = self._sense_anew(0)
 
     def sense(self, now_us: int) -> Sensors | None:

@@ -38,12 +38,7 @@ class Basis(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Readings(Generic[T]):
-    """What a sensor said now and then.
-
-    Attributes:
-        values: one after the other.
-        newest: which of them was the newest in each pass; -1 for none yet.
-    """
+    """What a sensor said now and then, and which of that was the newest in each pass; -1 for none yet."""
 
     values: Sequence[T]
     newest: Ints

@@ -11,7 +11,6 @@ from ekf_stub.filter.inertial import Array, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.sensors.flying.airframe import MOTORS_OFF, AirframeState, Demand, moved
 from viso.sensors.options import ImuOptions, UnmovedSource
-from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 from viso.sensors.script.script import Truth, delta_between
 from viso.sensors.vectors import Three
 
@@ -24,8 +23,7 @@ LONGEST_US: Final = 100_000
 class FlyingSource(UnmovedSource):
     """Sensors of an airframe, which stands on the ground until somebody demands a thrust.
 
-    Attributes:
-        state: where it really is, as of the last pass.
+    ``state`` is where it really is, as of the last pass.
     """
 
     def __init__(self, options: ImuOptions) -> None:
@@ -34,9 +32,6 @@ class FlyingSource(UnmovedSource):
         self._demand = MOTORS_OFF
         self._last_us: int | None = None
         self._coming: deque[tuple[int, AirframeState, InertialDelta]] = deque()
-        self._next_reading_us = 0
-        self._baro: tuple[int, float] | None = None
-        self._mag: tuple[int, Array] | None = None
         self._delta = delta_between(self.state.seen(), self.state.seen(), 1e-6 * NOMINAL_US)
 
     def demand(self, demand: Demand) -> None:
@@ -51,7 +46,7 @@ class FlyingSource(UnmovedSource):
             return None
         self._go_to(now_us)
         if now_us > self._next_reading_us:
-            self._read(now_us)
+            self._read(now_us, 0.0 - self.state.pos[2], self.state.seen().quat)
         return self._model.apply(Sensors(self._delta, self._baro, self._mag))
 
     def _go_to(self, now_us: int) -> None:
@@ -68,14 +63,6 @@ class FlyingSource(UnmovedSource):
         for _ in range(steps):
             after = moved(after, self._demand, 1e-6 * interval_us / steps)
         return after, delta_between(state.seen(), after.seen(), 1e-6 * interval_us)
-
-    def _read(self, now_us: int) -> None:
-        reading_us = last_reading_us(now_us)
-        if reading_us is None:
-            return
-        self._next_reading_us = reading_us + PERIOD_US
-        self._baro = reading_us // 1000, float(np.float32(0.0 - self.state.pos[2]))
-        self._mag = (reading_us, ideal_field(self.state.seen().quat)) if self._options.has_compass() else None
 
     def ahead(self, times_us: range) -> Array:
         """Return what passes get until the next reading, if the sensors have no noise."""

@@ -72,11 +72,8 @@ class HilSource(UnmovedSource):
         self._quat: quaternion.quaternion | None = None
         self._vel: Three = ZERO
         self._clear()
-        self._next_reading_us = 0
         self._height: float | None = None
         self._field: Array | None = None
-        self._baro: tuple[int, float] | None = None
-        self._mag: tuple[int, Array] | None = None
         self.ignored: Counter[str] = Counter()
 
     # What the sensors say
@@ -88,10 +85,10 @@ class HilSource(UnmovedSource):
         delta = exact_delta(self._del_vel, self._del_ang, self._dt)
         self._clear()
         if now_us > self._next_reading_us:
-            self._read(now_us)
+            self._read_received(now_us)
         return self._model.apply(Sensors(delta, self._baro, self._mag))
 
-    def _read(self, now_us: int) -> None:
+    def _read_received(self, now_us: int) -> None:
         reading_us = last_reading_us(now_us)
         if reading_us is None:
             return

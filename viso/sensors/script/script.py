@@ -7,16 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import numpy as np
-
-from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta
+from ekf_stub.filter.inertial import GRAVITY_MSS, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.files.text_files import read_text
 from viso.sensors.attitude import halfway, rotate_to_body, rotation_between
 from viso.sensors.errors import exact_delta
 from viso.sensors.options import ImuOptions, UnmovedSource
-from viso.sensors.readings import ideal_field, last_reading_us
+from viso.sensors.readings import last_reading_us
 from viso.sensors.script.legs import TURN
 from viso.sensors.script.script_file import EXAMPLES, Script, parse_script
 from viso.sensors.script.scripted_motion import State
@@ -48,9 +46,6 @@ class ScriptSource(UnmovedSource):
         self._armed = False
         self._last_us: int | None = None
         self._last = self._trajectory.at(0.0)
-        self._reading_us: int | None = None
-        self._baro: tuple[int, float] | None = None
-        self._mag: tuple[int, Array] | None = None
 
     def sense(self, now_us: int) -> Sensors | None:
         """Return what the sensors say, or None for a time that has been."""
@@ -64,20 +59,13 @@ class ScriptSource(UnmovedSource):
         before, now = self._last, self._state(now_us)
         dt = 1e-6 * (now_us - self._last_us)
         self._last_us, self._last = now_us, now
-        self._read_slow_sensors(now_us)
+        if now_us > self._next_reading_us:
+            then = self._state(last_reading_us(now_us) or 0)
+            self._read(now_us, 0.0 - then.pos[2], then.quat)
         return self._model.apply(Sensors(delta_between(before, now, dt), self._baro, self._mag))
 
     def _state(self, time_us: int) -> State:
         return self._trajectory.at(0.0 if self._start_us is None else 1e-6 * (time_us - self._start_us))
-
-    def _read_slow_sensors(self, now_us: int) -> None:
-        reading_us = last_reading_us(now_us)
-        if reading_us is None or reading_us == self._reading_us:
-            return
-        self._reading_us = reading_us
-        state = self._state(reading_us)
-        self._baro = reading_us // 1000, float(np.float32(0.0 - state.pos[2]))
-        self._mag = (reading_us, ideal_field(state.quat)) if self._options.has_compass() else None
 
     def set_armed(self, armed: bool) -> None:
         """Hear whether the vehicle is armed; a script may wait for it."""

@@ -5,18 +5,14 @@
 from collections import Counter
 from typing import Final
 
-import numpy as np
-
 from ap_core.cint import i32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.filter import quaternions as quaternion
 from ekf_stub.filter.attitude import euler_of
-from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.sensors import Sensors
 from viso.sensors.errors import exact_delta
 from viso.sensors.options import ImuOptions, UnmovedSource
-from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 from viso.sensors.standing import LONGEST_US, NOMINAL_US, SHORTEST_US
 from viso.sensors.stream.follower import StreamFollower
 from viso.sensors.stream.frame import Pose
@@ -76,9 +72,7 @@ class FollowSource(UnmovedSource):
         self._vehicle = ImaginedVehicle(options.heading_rad)
         self._follower: StreamFollower | None = None
         self._now_us = -1
-        self._guided_us = self._steered_us = self._next_reading_us = 0
-        self._baro: tuple[int, float] | None = None
-        self._mag: tuple[int, Array] | None = None
+        self._guided_us = self._steered_us = 0
         self.ignored: Counter[str] = Counter()
 
     @property
@@ -99,7 +93,7 @@ class FollowSource(UnmovedSource):
         dt = 1e-6 * max(SHORTEST_US, min(dt_us, LONGEST_US))
         delta = exact_delta(*self._vehicle.move(dt), dt)
         if now_us > self._next_reading_us:
-            self._read()
+            self._read(now_us, self._vehicle.height_m, self._vehicle.quat)
         return self._model.apply(Sensors(delta, self._baro, self._mag))
 
     def _steer(self) -> None:
@@ -113,14 +107,6 @@ class FollowSource(UnmovedSource):
 
     def _in_gap(self) -> bool:
         return self._now_us - self._guided_us > GAP_US
-
-    def _read(self) -> None:
-        reading_us = last_reading_us(self._now_us)
-        if reading_us is None:
-            return
-        self._next_reading_us = reading_us + PERIOD_US
-        self._baro = reading_us // 1000, float(np.float32(self._vehicle.height_m))
-        self._mag = (reading_us, ideal_field(self._vehicle.quat)) if self._options.has_compass() else None
 
     def yaw_rad(self) -> float:
         """Return the heading in rad; without a compass it begins as the stream's first yaw."""
