@@ -58,11 +58,7 @@ class TransmitReserve:
 
 @dataclass(slots=True)
 class Rest:
-    """How long nothing falls due on any link by time alone; what brings something new ends it.
-
-    Attributes:
-        until_us: its end, us since boot.
-    """
+    """Until when (us since boot) nothing falls due on any link by time alone; what brings something new ends it."""
 
     until_us: int = 0
 
@@ -78,7 +74,6 @@ class Channel:
     Args:
         index: number of the link, from 0.
         name: what the user calls it.
-        codec: parser and packer of this link.
         baud: bits per second for the transport time of a UART; None for links that add no delay.
         reserve: the room for parameters, which all links share.
         rest: when polling is worth while, which all links share.

@@ -333,11 +333,7 @@ class RangeReport:
 
 
 class RangesPort(Protocol):
-    """The range finders.
-
-    Attributes:
-        is_enabled: there was one that looks down as the vehicle booted.
-    """
+    """The range finders; ``is_enabled`` if there was one that looks down as the vehicle booted."""
 
     is_enabled: bool
 

@@ -58,8 +58,7 @@ class FlowUser(Protocol):
 class MavlinkFlow:
     """The flow sensor, if FLOW_TYPE was 5 at boot: averages flow between two updates, hands it over and logs it.
 
-    Attributes:
-        newest: what was measured last; nothing has a quality of 0.
+    ``newest`` is what was measured last; nothing has a quality of 0.
     """
 
     def __init__(self, clock: Clock, params: ParamTable, ahrs: FlowUser, logger: RecordSink) -> None:

@@ -68,9 +68,7 @@ class CheckLists(NamedTuple):
 class Arming:
     """Runs the checks in order, tells their failures, arms and disarms; ``params`` is the ARMING_ group.
 
-    Attributes:
-        armed: whether the vehicle is armed.
-        passed: whether the pre-arm checks passed when they were made the last time.
+    ``passed`` says whether the pre-arm checks passed when they were made the last time.
     """
 
     def __init__(

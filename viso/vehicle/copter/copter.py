@@ -42,12 +42,6 @@ class Copter:
     """Mode, home, arming and landing, each of which depends on the others.
 
     Attributes:
-        mission: holds home.
-        home: where home is.
-        modes: the flight mode.
-        arming: the checks, and whether the vehicle is armed.
-        landing: whether it stands on the ground.
-        estimates: whether what the estimator says is good enough.
         flight: who flies it; None if nobody does.
         safety_on: the safety switch keeps the motors off.
         disarmed_us: when it was disarmed, or arming it failed; None before the first time.

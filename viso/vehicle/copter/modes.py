@@ -146,12 +146,7 @@ _NEVER_ENTERED: Final = frozenset(
 
 
 class FlightModes:
-    """The flight mode, STABILIZE at first.
-
-    Attributes:
-        current: the mode.
-        reason: why it is that.
-    """
+    """The flight mode, STABILIZE at first, and why it is that."""
 
     def __init__(self, parts: CopterParts, estimates: Estimates, home: Home, is_armed: Callable[[], bool]) -> None:
         self._texts = parts.texts

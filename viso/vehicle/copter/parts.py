@@ -26,13 +26,9 @@ class CopterParts:
 
     Attributes:
         gps: returns the newest solution of the GPS; None without a GPS.
-        flow: the flow sensor.
-        ranges: the range finders.
         is_initialised: says whether booting is over.
         is_downloading: says whether a client is downloading a log.
-        on_mode: called when the mode has changed.
-        on_armed: called when the vehicle has been armed.
-        release: which parameters there are.
+        on_mode, on_armed: called when the mode has changed, and when the vehicle has been armed.
         airframe: what flies; None of a vehicle that nobody flies.
         stands_for_ever: nothing can move it.
         variance_texts: what is told as the EKF's variances are over thresholds, and as its position is lost.

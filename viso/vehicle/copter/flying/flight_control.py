@@ -50,7 +50,6 @@ class FlightControl:
     """Flies the airframe.
 
     Attributes:
-        guided, land: modes that others have a say in.
         grounded_us: since when it has stood on the ground and still descends; None if it does not.
     """
 

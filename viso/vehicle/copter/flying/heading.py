@@ -21,11 +21,7 @@ class _How(Enum):
 
 
 class Heading:
-    """Turns to a heading, at a rate, or into the direction of flight.
-
-    Attributes:
-        rad: where it is to look now.
-    """
+    """Turns to a heading, at a rate, or into the direction of flight; ``rad`` is where it is to look now."""
 
     def __init__(self) -> None:
         self.rad = 0.0

@@ -29,9 +29,7 @@ class Steering:
 
     Attributes:
         way, heading: what a mode moves on.
-        limits: as parameters say now.
-        estimate: as the estimator says now.
-        sticks: where they are.
+        limits, estimate, sticks: as they are now.
         now_us: time since boot.
         speed: what DO_CHANGE_SPEED asked for in place of WPNAV_SPEED, m/s; None before.
     """
