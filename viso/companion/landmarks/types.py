@@ -9,8 +9,8 @@ and v down. Yaw is 0 to the east and positive counter-clockwise.
 import math
 import re
 from collections import Counter
-from dataclasses import dataclass, fields
-from typing import Any, Final, cast
+from dataclasses import Field, dataclass
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -27,12 +27,13 @@ class _Record:
     """A record whose numbers are finite."""
 
     __slots__ = ()
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     def __post_init__(self) -> None:
-        for field in fields(cast(Any, self)):
-            value = getattr(self, field.name)
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
             if isinstance(value, int | float) and not math.isfinite(value):
-                raise ValueError(f"{field.name}: {value}")
+                raise ValueError(f"{name}: {value}")
 
 
 def _on_globe(latitude_deg: float, longitude_deg: float) -> None:

@@ -154,12 +154,19 @@ EVERY_EVENT: list[Event] = [
 ]
 
 
-@pytest.mark.parametrize("what", ["bag", "db3", "mcap", "folder"])
-def test_every_topic_is_read_from_every_kind_of_bag(tmp_path: Path, what: str) -> None:
-    version = 1 if what == "bag" else 2
-    storage = MCAP if what == "mcap" else StoragePlugin.SQLITE3
-    path = write(tmp_path / ("a.bag" if version == 1 else "a"), every_topic(version), version, storage)
-    file = BagFile(path if what in ("bag", "folder") else next(path.glob(f"*.{what}")))
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a bag of each storage."""
+    path = tmp_path_factory.mktemp("bags")
+    write(path / "a.bag", every_topic(1), 1)
+    write(path / "db3", every_topic(2))
+    write(path / "mcap", every_topic(2), 2, MCAP)
+    return path
+
+
+@pytest.mark.parametrize("what", ["a.bag", "db3", "db3/*.db3", "mcap/*.mcap"])
+def test_every_topic_is_read_from_every_kind_of_bag(folder: Path, what: str) -> None:
+    file = BagFile(next(folder.glob(what)))
     events = list(file.events())
     [found] = [event for event in events if isinstance(event, VehiclePose)]
     assert (found.t_s, found.x_m, found.y_m, found.z_m, found.yaw_rad) == (12.5, 1, 2, 3, 0)
@@ -246,9 +253,9 @@ def test_bag_that_is_not_there_is_one_line(tmp_path: Path, name: str) -> None:
     assert complaint(tmp_path / name).startswith(f"{tmp_path / name}: not a readable bag: ")
 
 
-def test_bag_that_is_cut_short_is_one_line(tmp_path: Path) -> None:
-    path = write(tmp_path / "a.bag", every_topic(1), 1)
-    path.write_bytes(path.read_bytes()[:-100])
+def test_bag_that_is_cut_short_is_one_line(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.bag"
+    path.write_bytes((folder / "a.bag").read_bytes()[:-100])
     assert complaint(path).startswith(f"{path}: not a readable bag: ")
 
 
