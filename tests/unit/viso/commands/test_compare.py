@@ -18,7 +18,7 @@ from tests.unit.viso.report.log_maker import LogMaker
 from viso.firmware.releases import PROFILES, REFERENCE
 
 MESSAGES = 12
-HEAD = {"name": "short", "begins_s": 5, "camera_hz": 0, "params": {"VISO_TYPE": 1}}
+HEAD = {"name": "short", "begins_s": 1, "camera_hz": 0, "params": {"VISO_TYPE": 1}}
 PARAM = {
     "name": "a parameter",
     "send": [
@@ -117,7 +117,7 @@ def test_time_of_an_answer_is_not_compared(viso: Viso, tmp_path: Path) -> None:
     request = {"target_system": 1, "target_component": 1, "command": 512, "param1": 30}
     answers = [["COMMAND_ACK", {"command": 512}], ["ATTITUDE", {"time_boot_ms": 1}]]
     asked = {"name": "ask", "send": ["COMMAND_LONG", request], "answers": answers}
-    path = write(tmp_path / "one.jsonl", [{**HEAD, "firmware": REFERENCE.banner}, asked])
+    path = write(tmp_path / "one.jsonl", [{**HEAD, "begins_s": 5, "firmware": REFERENCE.banner}, asked])
     code, told = compared(viso, path)
     assert (code, told["comparisons"][0]["fields"]) == (0, 3)
 

@@ -320,13 +320,18 @@ OWN_DOORS = {
     "logs/files.py",  # takes numbers that no file has
     "sweep/store.py",  # adds to its journal
 }
-WRITES = re.compile(
-    r"""(?:\.write_(?:bytes|text)|\bopen\([^)\n]*["'][rb]*[wax+]|O_(?:CREAT|TRUNC|WRONLY)|(?<!pages\.)savefig\((?!file|data)"""
-    r"""|\.(?:to_csv|to_parquet|tofile)\(|\bos\.(?:replace|rename)|TlogWriter\([^,\n]*\))"""
+WRITES = (
+    r"\.write_(?:bytes|text)",
+    r"""\bopen\([^)\n]*["'][rb]*[wax+]""",
+    r"O_(?:CREAT|TRUNC|WRONLY)",
+    r"(?<!pages\.)savefig\((?!file|data)",
+    r"\.to(?:_csv|_parquet|file)\(",
+    r"\bos\.re(?:place|name)",
+    r"TlogWriter\([^,\n]*\)",
 )
 
 
 def test_nothing_is_written_past_the_door() -> None:
     package = ROOT / "viso"
     texts = {str(path.relative_to(package)): path.read_text(encoding="utf-8") for path in package.rglob("*.py")}
-    assert {name for name, text in texts.items() if WRITES.search(text)} == OWN_DOORS
+    assert {name for name, text in texts.items() if any(re.search(one, text) for one in WRITES)} == OWN_DOORS

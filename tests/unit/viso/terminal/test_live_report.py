@@ -42,14 +42,14 @@ def test_first_verdict_of_each_kind_is_told(
 def test_texts_are_told_with_time_and_severity(
     make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    bench = make_bench()
+    bench = make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50)
     LiveReport(out).watch(bench.vehicle)
     bench.vehicle.texts.send_text(2, "Hello")
     assert capsys.readouterr().out == f"{at(0.0)}(2) Hello\n"
 
 
 def test_listeners_are_told_of_every_message_with_its_link(make_bench: Callable[..., Bench]) -> None:
-    bench = make_bench(VISO_TYPE=1)
+    bench = make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50)
     heard: list[tuple[str, MessageEvent]] = []
     LiveReport(out, [lambda link, event: heard.append((link, event))] * 2).watch(bench.vehicle)
     bench.see(0.1)
@@ -58,8 +58,8 @@ def test_listeners_are_told_of_every_message_with_its_link(make_bench: Callable[
 
 def test_restart_is_told(make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]) -> None:
     report = LiveReport(out)
-    report.watch(make_bench().vehicle)
-    report.watch(make_bench().vehicle)
+    report.watch(make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50).vehicle)
+    report.watch(make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50).vehicle)
     assert capsys.readouterr().out == f"{at(0.0)}restart\n"
 
 
@@ -69,7 +69,7 @@ def test_restart_is_told(make_bench: Callable[..., Bench], capsys: pytest.Captur
 def test_first_fate_of_each_kind_that_is_not_use_is_told(
     make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    bench = make_bench(VISO_TYPE=1)
+    bench = make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50)
     LiveReport(out).watch(bench.vehicle)
     bench.see(0.2)
     why = "refused: no source set named external navigation at boot (exact)"
@@ -122,7 +122,7 @@ def test_rejected_sample_is_told_as_a_models_opinion(
 
 
 def test_filter_listeners_are_told_of_every_outcome_with_its_time(make_bench: Callable[..., Bench]) -> None:
-    bench = make_bench(VISO_TYPE=1)
+    bench = make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50)
     heard: list[tuple[int, FilterOutcome]] = []
     LiveReport(out, [], [lambda now_us, outcome: heard.append((now_us, outcome))] * 2).watch(bench.vehicle)
     bench.see(0.05)
