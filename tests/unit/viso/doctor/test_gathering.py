@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evidence of a trial: what the autopilot makes of a stream, and what it said itself in it."""
 
+import math
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -11,7 +13,7 @@ from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, HEARTBEAT, PAR
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import SETUP
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine
-from viso.doctor import GatherOptions, SeenMessage, Severity, diagnose, gather
+from viso.doctor import Evidence, GatherOptions, SeenMessage, Severity, diagnose, gather
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.rules import RULES
 from viso.errors import InputError
@@ -52,10 +54,15 @@ def autopilot(system: int) -> list[tuple[int, int, int, Message]]:
     return rows
 
 
+@cache
+def tried(filter_s: float = math.inf) -> Evidence:
+    """Return what came of a companion's stream that fits."""
+    return gather(stream_of(companion(), dict(SETUP)), GatherOptions(filter_s=filter_s))
+
+
 def test_messages_carry_verdict_records_and_fates() -> None:
-    evidence = gather(stream_of(companion(), dict(SETUP)))
-    assert [one.number for one in evidence.messages] == list(range(1, 51))
-    late: SeenMessage = evidence.messages[40]
+    assert [one.number for one in tried(60.0).messages] == list(range(1, 51))
+    late: SeenMessage = tried(60.0).messages[40]
     assert (late.name, late.sender, late.version) == ("ODOMETRY", (1, 197), 2)
     assert [name for name, _ in late.records] == ["VISP", "VISV"]
     assert {sample.kind for sample in late.samples} == {"pose", "yaw", "velocity"}
@@ -133,7 +140,7 @@ def test_empty_stream_has_no_vision() -> None:
 
 @pytest.mark.slow
 def test_summary_counts_what_became_of_messages_and_samples() -> None:
-    summary = summarise(gather(stream_of(companion(), dict(SETUP))))
+    summary = summarise(tried())
     assert sum(summary.outcomes.values()) == 50
     assert summary.rate_hz["ODOMETRY"] == pytest.approx(25)
     assert summary.healthy_from_us == LEAD_US
@@ -171,7 +178,7 @@ def test_type_that_always_fails_its_checksum_is_defined_otherwise() -> None:
 
 @pytest.mark.parametrize(("filter_s", "is_told"), [(1.0, True), (60.0, False)])
 def test_filter_that_did_not_run_all_the_way_is_told(filter_s: float, is_told: bool) -> None:
-    evidence = gather(stream_of(companion(), dict(SETUP)), GatherOptions(filter_s=filter_s))
+    evidence = tried(filter_s)
     told = f"made: the filter (a model) was run over the first {filter_s:g} s of external navigation, to 7.500 s"
     assert (f"{told} (--filter-seconds)" in evidence.notes) == is_told
     assert len(evidence.vision) == 50
