@@ -10,7 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from viso.companion.odometry.composer import LocalPose, OdometryComposer
-from viso.companion.trials.euroc import EurocError, EurocRecording
+from viso.companion.sources.base import SourceError
+from viso.companion.sources.euroc import EurocRecording
 from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
 from viso.companion.trials.trial import EventSource, run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
@@ -216,12 +217,12 @@ def disturbed_start(recording: EurocRecording, seed: int) -> WarmStartPose:
     """Return the true state at the first picture of a recording with errors: 1 degree and 0.2 m/s on each axis.
 
     Raises:
-        EurocError: if the truth is not known there.
+        SourceError: if the truth is not known there.
     """
     image = recording.images[0]
     pose, velocity_w = recording.truth(image.t_ns), recording.truth_velocity_w(image.t_ns)
     if pose is None or velocity_w is None:
-        raise EurocError(f"{image.path}: no ground truth at the first picture, so no warm start")
+        raise SourceError(f"{image.path}: no ground truth at the first picture, so no warm start")
     rng = np.random.default_rng(seed)
     rotation = pose.R.dot(so3_exp(rng.normal(0, np.radians(1.0), 3)))
     velocity_w = velocity_w + rng.normal(0, 0.2, 3)

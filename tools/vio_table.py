@@ -26,7 +26,8 @@ import numpy as np
 from tools.measured_page import render, replace, where
 from tools.trial import Claims, Trial, disturbed_start, run_trial
 from tools.vio_scenes import SCENES, ScenePlan
-from viso.companion.trials.euroc import EurocError, EurocRecording, load_euroc
+from viso.companion.sources.base import SourceError
+from viso.companion.sources.euroc import EurocRecording, load_euroc
 from viso.companion.trials.evaluation import EvaluationError
 from viso.companion.vio.config import AglSource, EngineConfig, Scene, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
@@ -259,7 +260,7 @@ def main(arguments: Sequence[str]) -> int:
         page = options.page.read_text(encoding="utf-8")
         replace(page, name, "")  # before the long run
         options.page.write_text(replace(page, name, f"{render(head, body)}\n{where()}"), encoding="utf-8")
-    except (InputError, EurocError, OSError) as error:
+    except (InputError, SourceError, OSError) as error:
         print(f"vio_table: {error}", file=sys.stderr)
         return 2
     return 0

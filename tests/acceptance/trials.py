@@ -12,7 +12,7 @@ import pytest
 
 from tests.places import ROOT
 from tools.trial import Trial, disturbed_start, run_trial
-from viso.companion.trials.euroc import EurocRecording, load_euroc
+from viso.companion.sources.euroc import EurocRecording, load_euroc
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import VioState

@@ -17,7 +17,7 @@ pytest.importorskip("cv2", reason="needs OpenCV, of the extra vio")
 
 from tools import vio_scenes, vio_table
 from tools.trial import Claims
-from viso.companion.trials.euroc import EurocError
+from viso.companion.sources.base import SourceError
 from viso.companion.trials.evaluation import EvaluationError, TimedPoses
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
@@ -283,7 +283,7 @@ def test_clip_that_cannot_be_read_is_one_line(
     figures: Figures, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refuse(folder: Path) -> None:
-        raise EurocError("imu0.csv: no records")
+        raise SourceError("imu0.csv: no records")
 
     monkeypatch.setattr(vio_table, "load_euroc", refuse)
     assert vio_table.main([]) == 2

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from viso.companion.sources.base import Recording, SourceError, SourceOptions, Thinning, in_order_of_arrival
+from viso.companion.sources.euroc import Image, load_euroc
 from viso.companion.sources.gopro import read_telemetry
 from viso.companion.sources.inertial_csv import read_inertial_csv
 from viso.companion.sources.video import video_frames, video_size
-from viso.companion.trials.euroc import EurocError, Image, load_euroc
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import load_calibration
 from viso.companion.vio.config import AglSource, Scene, VioConfig
@@ -28,21 +28,11 @@ _TRUTH_RATE_HZ: Final = 50
 
 def open_euroc(options: SourceOptions) -> Recording:
     """Open a folder in the layout of the EuRoC data sets. Raises SourceError if a file in it cannot be used."""
-    try:
-        recording = load_euroc(Path(options.name))
-    except EurocError as error:
-        raise SourceError(str(error)) from error
+    recording = load_euroc(Path(options.name))
     calibration = options.load_calibration() or recording.calibration
     images = _thinned(recording.images, options.fps)
     recording = dataclasses.replace(recording, calibration=calibration, images=images)
-
-    def data() -> Iterator[SensorEvent]:
-        try:
-            yield from recording.events()
-        except EurocError as error:
-            raise SourceError(str(error)) from error
-
-    return Recording(calibration, data, recording.poses, recording.start())
+    return Recording(calibration, recording.events, recording.poses, recording.start())
 
 
 def open_gopro(options: SourceOptions) -> Recording:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from tools.trial import disturbed_start
-from viso.companion.trials.euroc import EurocError, EurocRecording, load_euroc
+from viso.companion.sources.base import SourceError
+from viso.companion.sources.euroc import EurocRecording, load_euroc
 from viso.companion.vio.se3 import so3_log
 from viso.companion.vio.types import ImuSample, NavCameraFrame
 
@@ -161,7 +162,7 @@ def test_recording_may_lack_the_truth(folder: Path) -> None:
     (folder / FLAT["truth"]).unlink()
     recording = load_euroc(folder)
     assert recording.truth(at_ms(100)) is None
-    with pytest.raises(EurocError, match=r"50000000\.png: no ground truth at the first picture"):
+    with pytest.raises(SourceError, match=r"50000000\.png: no ground truth at the first picture"):
         disturbed_start(recording, 0)
     assert recording.start() is None
 
@@ -169,25 +170,25 @@ def test_recording_may_lack_the_truth(folder: Path) -> None:
 @pytest.mark.parametrize("part", ["sensor", "imu"])
 def test_missing_file_is_named(folder: Path, part: str) -> None:
     (folder / FLAT[part]).unlink()
-    with pytest.raises(EurocError, match=rf"^{folder}: no .* or {FLAT[part]}$"):
+    with pytest.raises(SourceError, match=rf"^{folder}: no .* or {FLAT[part]}$"):
         load_euroc(folder)
 
 
 def test_missing_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(EurocError, match=r"absent: no "):
+    with pytest.raises(SourceError, match=r"absent: no "):
         load_euroc(tmp_path / "absent")
 
 
 def test_folder_without_pictures_is_refused(folder: Path) -> None:
     for path in (folder / "cam0").glob("*.png"):
         path.unlink()
-    with pytest.raises(EurocError, match=r"cam0: no pictures \(\*\.png\)$"):
+    with pytest.raises(SourceError, match=r"cam0: no pictures \(\*\.png\)$"):
         load_euroc(folder)
 
 
 def test_picture_not_named_by_a_stamp_is_refused(folder: Path) -> None:
     next((folder / "cam0").glob("*.png")).rename(folder / "cam0" / "left.png")
-    with pytest.raises(EurocError, match=r"left\.png: not named by a stamp in ns$"):
+    with pytest.raises(SourceError, match=r"left\.png: not named by a stamp in ns$"):
         load_euroc(folder)
 
 
@@ -204,27 +205,27 @@ def test_bad_inertial_data_are_refused_with_their_line(folder: Path, line: str, 
     path = folder / FLAT["imu"]
     lines = path.read_text().splitlines()
     path.write_text("\n".join([*lines[:2], line, *lines[2:]]))
-    with pytest.raises(EurocError, match=rf"imu0\.csv:3: {reason}"):
+    with pytest.raises(SourceError, match=rf"imu0\.csv:3: {reason}"):
         load_euroc(folder)
 
 
 def test_inertial_data_out_of_order_are_refused(folder: Path) -> None:
     path = folder / FLAT["imu"]
     path.write_text(path.read_text() + f"{at_ms(500)},0,0,0,0,0,9\n")
-    with pytest.raises(EurocError, match=r"imu0\.csv: stamp \d+ is not after the one before$"):
+    with pytest.raises(SourceError, match=r"imu0\.csv: stamp \d+ is not after the one before$"):
         load_euroc(folder)
 
 
 def test_empty_inertial_data_are_refused(folder: Path) -> None:
     (folder / FLAT["imu"]).write_text("#timestamp\n")
-    with pytest.raises(EurocError, match=r"imu0\.csv: no records$"):
+    with pytest.raises(SourceError, match=r"imu0\.csv: no records$"):
         load_euroc(folder)
 
 
 @pytest.mark.parametrize("part", ["sensor", "truth"])
 def test_what_other_readers_refuse_is_refused(folder: Path, part: str) -> None:
     (folder / FLAT[part]).write_text("nonsense\n")
-    with pytest.raises(EurocError, match=FLAT[part].replace(".", r"\.")) as caught:
+    with pytest.raises(SourceError, match=FLAT[part].replace(".", r"\.")) as caught:
         load_euroc(folder)
     assert "\n" not in str(caught.value)
 
@@ -233,18 +234,18 @@ def test_broken_picture_is_named(folder: Path) -> None:
     path = sorted((folder / "cam0").glob("*.png"))[3]
     path.write_bytes(path.read_bytes()[:40])
     recording = load_euroc(folder)
-    with pytest.raises(EurocError, match=rf"{path.name}: not a picture, or a damaged one$"):
+    with pytest.raises(SourceError, match=rf"{path.name}: not a picture, or a damaged one$"):
         list(recording.events())
 
 
 def test_picture_of_another_size_is_named(folder: Path) -> None:
     path = sorted((folder / "cam0").glob("*.png"))[0]
     assert cv2.imwrite(str(path), np.zeros((HEIGHT, WIDTH + 1), np.uint8))
-    with pytest.raises(EurocError, match=rf"{path.name}: 33x24 pixels, the calibration is for 32x24$"):
+    with pytest.raises(SourceError, match=rf"{path.name}: 33x24 pixels, the calibration is for 32x24$"):
         list(load_euroc(folder).events())
 
 
 def test_missing_opencv_tells_what_to_install(recording: EurocRecording, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(EurocError, match=r"pip install 'ardupilot-viso\[vio\]'$"):
+    with pytest.raises(SourceError, match=r"pip install 'ardupilot-viso\[vio\]'$"):
         list(recording.events())

@@ -12,25 +12,18 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 
 from viso.companion.recorded.records import TrajectoryError, usable
 from viso.companion.recorded.text_formats import EUROC, TUM, Row, read_text, rows_of, table_records
+from viso.companion.sources.base import SourceError, make_frame
+from viso.companion.sources.video import check_size, opencv
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import CalibrationError, load_calibration
 from viso.companion.vio.se3 import SE3, Array
-from viso.companion.vio.types import (
-    CameraCalibration,
-    ImuBias,
-    ImuSample,
-    NavCameraFrame,
-    Pixels,
-    WarmStartPose,
-    frame_uuid,
-)
-from viso.extras import pip_install
+from viso.companion.vio.types import CameraCalibration, ImuBias, ImuSample, NavCameraFrame, Pixels, WarmStartPose
 
 _CAMERAS: Final = ("cam0/data", "cam0")
 _CALIBRATIONS: Final = ("cam0/sensor.yaml", "cam0_sensor.yaml")
@@ -38,11 +31,6 @@ _IMUS: Final = ("imu0/data.csv", "imu0.csv")
 _TRUTHS: Final = ("state_groundtruth_estimate0/data.csv", "groundtruth.csv", "groundtruth.tum")
 _IMU_COLUMNS: Final = 7
 _VELOCITY_NS: Final = 10_000_000  # to either side, for a velocity by differences
-_NS_PER_MS: Final = 1_000_000
-
-
-class EurocError(Exception):
-    """A recording that cannot be read, in one line: which file, and why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +56,7 @@ class EurocRecording:
     def events(self) -> Iterator[ImuSample | NavCameraFrame]:
         """Yield the data as they arrive, each frame after the first IMU sample that is not before it.
 
-        Raises EurocError if a picture cannot be decoded or has another size than the calibration's.
+        Raises SourceError if a picture cannot be decoded or has another size than the calibration's.
         """
         samples = iter(self.samples)
         last_ns = -1
@@ -76,8 +64,7 @@ class EurocRecording:
             while last_ns < image.t_ns and (sample := next(samples, None)) is not None:
                 last_ns = sample.t_ns
                 yield sample
-            frame_id = frame_uuid(image.t_ns // _NS_PER_MS, sequence, 0)
-            yield NavCameraFrame(frame_id, sequence, image.t_ns, self._decoded(image), self.calibration.camera_id)
+            yield make_frame(sequence, image.t_ns, self._decoded(image.path), self.calibration.camera_id)
 
     def truth(self, t_ns: int) -> SE3 | None:
         """Return world_T_body at a time, interpolated, or None if it is outside the true trajectory."""
@@ -99,20 +86,20 @@ class EurocRecording:
             return None
         return WarmStartPose(pose.inverse(), pose.R.T.dot(velocity_w), ImuBias.zero())
 
-    def _decoded(self, image: Image) -> Pixels:
-        pixels = _pixels(image.path)
+    def _decoded(self, path: Path) -> Pixels:
+        cv2 = opencv()
+        pixels: Pixels | None = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        if pixels is None:
+            raise SourceError(f"{path}: not a picture, or a damaged one")
         height, width = pixels.shape
-        expected = self.calibration
-        if (width, height) != (expected.width, expected.height):
-            size = f"{expected.width}x{expected.height}"
-            raise EurocError(f"{image.path}: {width}x{height} pixels, the calibration is for {size}")
+        check_size(path, (width, height), self.calibration)
         return pixels
 
 
 def load_euroc(folder: Path) -> EurocRecording:
     """Read all of a recording but the pictures, of which only the names are looked at.
 
-    Raises EurocError, naming the file, and the line where that is to blame.
+    Raises SourceError, naming the file, and the line where that is to blame.
     """
     root = folder / "mav0" if (folder / "mav0").is_dir() else folder
     truth = _find(root, _TRUTHS)
@@ -124,7 +111,7 @@ def load_euroc(folder: Path) -> EurocRecording:
             None if truth is None else _poses(truth),
         )
     except (CalibrationError, TrajectoryError) as error:
-        raise EurocError(str(error)) from error
+        raise SourceError(str(error)) from error
 
 
 def _find(root: Path, names: tuple[str, ...]) -> Path | None:
@@ -134,51 +121,40 @@ def _find(root: Path, names: tuple[str, ...]) -> Path | None:
 def _required(root: Path, names: tuple[str, ...]) -> Path:
     found = _find(root, names)
     if found is None:
-        raise EurocError(f"{root}: no {' or '.join(names)}")
+        raise SourceError(f"{root}: no {' or '.join(names)}")
     return found
 
 
 def _images(folder: Path) -> tuple[Image, ...]:
     paths = sorted(folder.glob("*.png"), key=lambda path: (len(path.stem), path.stem))
     if not paths:
-        raise EurocError(f"{folder}: no pictures (*.png)")
+        raise SourceError(f"{folder}: no pictures (*.png)")
     for path in paths:
         if not (path.stem.isascii() and path.stem.isdigit()):
-            raise EurocError(f"{path}: not named by a stamp in ns")
+            raise SourceError(f"{path}: not named by a stamp in ns")
     return tuple(Image(int(path.stem), path) for path in paths)
 
 
 def _samples(path: Path) -> tuple[ImuSample, ...]:
     samples = tuple(_sample(path, row) for row in rows_of(read_text(path)))
     if not samples:
-        raise EurocError(f"{path}: no records")
+        raise SourceError(f"{path}: no records")
     for before, after in itertools.pairwise(samples):
         if after.t_ns <= before.t_ns:
-            raise EurocError(f"{path}: stamp {after.t_ns} is not after the one before")
+            raise SourceError(f"{path}: stamp {after.t_ns} is not after the one before")
     return samples
 
 
 def _sample(path: Path, row: Row) -> ImuSample:
     if len(row.fields) < _IMU_COLUMNS:
-        raise EurocError(f"{path}:{row.number}: {len(row.fields)} columns, not {_IMU_COLUMNS}")
+        raise SourceError(f"{path}:{row.number}: {len(row.fields)} columns, not {_IMU_COLUMNS}")
     try:
         values = np.array([float(field) for field in row.fields[1:_IMU_COLUMNS]])
         return ImuSample(int(row.fields[0]), values[3:], values[:3])
     except ValueError as error:
-        raise EurocError(f"{path}:{row.number}: {error}") from error
+        raise SourceError(f"{path}:{row.number}: {error}") from error
 
 
 def _poses(path: Path) -> TimedPoses:
     trajectory = usable(table_records(path, EUROC if path.suffix == ".csv" else TUM))
     return TimedPoses(trajectory.times_ns, trajectory.positions, trajectory.quats_wxyz)
-
-
-def _pixels(path: Path) -> Pixels:
-    try:
-        import cv2
-    except ModuleNotFoundError as error:
-        raise EurocError(f"pictures need OpenCV: {pip_install('vio')}") from error
-    pixels = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    if pixels is None:
-        raise EurocError(f"{path}: not a picture, or a damaged one")
-    return cast(Pixels, pixels)
