@@ -14,7 +14,7 @@ from mav_handlers.links import LINKS, open_link
 from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.readers import FORMATS
 from viso.doctor import Evidence, Finding, GatherOptions, Severity, all_rules, diagnose, gather
-from viso.doctor.live import LinkRecorder, heard_on_topic, stream_of_topic
+from viso.doctor.live import heard_on_link, heard_on_topic, stream_of_topic
 from viso.doctor.measures.vehicle_data import vehicle_of_log
 from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
 from viso.doctor.outputs.summary import summarise
@@ -175,12 +175,11 @@ def _is_link(source: str) -> bool:
 
 def _listen(connection: str, seconds: float, lead_us: int) -> Stream:
     with closing(open_link(connection)) as link:
-        recorder = LinkRecorder(link, lead_us, time.monotonic)
         with stop_on_signal() as signals, progress(f"listening to {connection}", int(seconds)) as show:
-            recorder.run(seconds, lambda: bool(signals), show)
+            stream = heard_on_link(link, lead_us, seconds, time.monotonic, lambda: bool(signals), show)
         if why := link.stats.unreached:
             raise InputError(f"{connection}: {why}")
-    return recorder.stream()
+    return stream
 
 
 def _hear(name: str, domain: int, seconds: float, lead_us: int, axes: str, form: str | None) -> Stream:

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Listens to a link or a live topic for a while, and returns what came as a stream."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import islice
 from typing import Final
 
 from mav_handlers.links import Link, wait_readable
@@ -21,56 +22,44 @@ LONGEST_WAIT_S: Final = 0.1
 _MAX_READS: Final = 64
 
 
-class LinkRecorder:
-    """Keeps the frames that a link carries, with the times at which they were read; nothing is sent on it.
+def _waits(
+    seconds: float, now_s: Callable[[], float], stop: Callable[[], bool], on_progress: Callable[[float], None]
+) -> Iterator[float]:
+    """Yield how long to wait next, until time is up or ``stop`` says so; progress is in seconds."""
+    start_s = now_s()
+    while (passed_s := now_s() - start_s) < seconds and not stop():
+        on_progress(passed_s)
+        yield min(LONGEST_WAIT_S, seconds - passed_s)
 
-    Args:
-        link: open.
-        lead_us: the time since the autopilot's boot that the first frame gets.
-        now_s: a monotonic clock in seconds.
+
+def heard_on_link(
+    link: Link,
+    lead_us: int,
+    seconds: float,
+    now_s: Callable[[], float],
+    stop: Callable[[], bool],
+    on_progress: Callable[[float], None],
+) -> Stream:
+    """Return the frames that an open link carries, with the times at which they were read; nothing is sent on it.
+
+    The first gets ``lead_us`` as its time since the autopilot's boot. ``now_s`` is a monotonic clock.
     """
-
-    def __init__(self, link: Link, lead_us: int, now_s: Callable[[], float]) -> None:
-        self._link = link
-        self._lead_us = lead_us
-        self._now_s = now_s
-        self._codec = Codec(0, 0)
-        self._messages: list[StreamMessage] = []
-        self._start_s: float | None = None
-        self._damaged = 0
-
-    def run(self, seconds: float, stop: Callable[[], bool], on_progress: Callable[[float], None]) -> None:
-        """Listen until time is up or ``stop`` says so; ``on_progress`` is told the seconds that have passed."""
-        start_s = self._now_s()
-        while (passed_s := self._now_s() - start_s) < seconds and not stop():
-            on_progress(passed_s)
-            wait_readable([self._link], min(LONGEST_WAIT_S, seconds - passed_s))
-            self.read()
-
-    def read(self) -> None:
-        """Take what has come."""
-        for _ in range(_MAX_READS):
-            data = self._link.receive()
-            if not data:
-                return
-            now_s = self._now_s()
-            if self._start_s is None:
-                self._start_s = now_s
-            self._codec.feed(data)
-            self._keep(self._lead_us + int((now_s - self._start_s) * 1e6))
-
-    def _keep(self, arrival_us: int) -> None:
-        while (received := self._codec.next_received()) is not None:
-            if isinstance(received, Received):
-                self._messages.append(StreamMessage(arrival_us, received.header.frame))
-            else:
-                self._damaged += received.length
-
-    def stream(self) -> Stream:
-        """Return what has come so far."""
-        notes = (f"{self._link.name}: {self._damaged} bytes that were no frames",) if self._damaged else ()
-        stream = Stream(self._link.name, tuple(self._messages), notes=notes)
-        return replace(stream, flown=version_heard(stream))
+    codec, messages, damaged = Codec(0, 0), list[StreamMessage](), 0
+    start_s: float | None = None
+    for wait_s in _waits(seconds, now_s, stop, on_progress):
+        wait_readable([link], wait_s)
+        for data in islice(iter(link.receive, b""), _MAX_READS):
+            time_s = now_s()
+            start_s = time_s if start_s is None else start_s
+            codec.feed(data)
+            while (received := codec.next_received()) is not None:
+                if isinstance(received, Received):
+                    messages.append(StreamMessage(lead_us + int((time_s - start_s) * 1e6), received.header.frame))
+                else:
+                    damaged += received.length
+    notes = (f"{link.name}: {damaged} bytes that were no frames",) if damaged else ()
+    stream = Stream(link.name, tuple(messages), notes=notes)
+    return replace(stream, flown=version_heard(stream))
 
 
 def heard_on_topic(
@@ -86,11 +75,9 @@ def heard_on_topic(
         InputError: if none came; says why.
     """
     heard: list[Heard] = []
-    start_ns = now_ns()
-    while (passed_s := (now_ns() - start_ns) * 1e-9) < seconds and not stop():
-        on_progress(passed_s)
+    for wait_s in _waits(seconds, lambda: now_ns() * 1e-9, stop, on_progress):
         topic.find()
-        wait_readable([topic], min(LONGEST_WAIT_S, seconds - passed_s))
+        wait_readable([topic], wait_s)
         heard += topic.take(now_ns())
     if not heard:
         raise InputError(f"{SCHEME}{topic.name}: nothing heard within {seconds:g} s: {topic.silence()}")
