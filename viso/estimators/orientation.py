@@ -35,14 +35,7 @@ _SHORTEST_BLOCK_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The best of several axis maps.
-
-    Attributes:
-        best: the one under which the vectors agree best.
-        correlation: under the best, -1 to 1.
-        second_correlation: under the next best.
-        margin_sigmas: by how many standard deviations the best is better.
-    """
+    """The best of several axis maps: correlations, -1 to 1, under it and the next best, and how far it is ahead."""
 
     best: AxisMap
     correlation: float
@@ -62,11 +55,8 @@ UNDECIDED: Final = Choice(AxisMap((1, 2, 3)), 0.0, 0.0, 0.0)
 class ChosenAxes:
     """Which way a stream's axes point: those of its body in the vehicle, or those of its positions on the earth.
 
-    Attributes:
-        choice: of the maps that come into question.
-        sufficient: whether the motion settles it; about or along one axis alone does not.
-        subject: what is said of an axis, as ``AxisMap.describe`` takes it.
-        words: for the directions of the reference.
+    The motion may not be sufficient to settle it; about or along one axis alone it is not. Subject and words are as
+    ``AxisMap.describe`` takes them.
     """
 
     choice: Choice

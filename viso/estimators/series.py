@@ -20,11 +20,9 @@ IMPOSSIBLE_S: Final = 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Records of one kind, in the order of their times.
+    """Records of one kind, in the order of their times, s since boot.
 
-    Attributes:
-        time_s: when each was written, in s since boot.
-        columns: their numbers by label, in the units of the log; NaN where a record has none.
+    Columns are in the units of the log, and NaN where a record has no number.
     """
 
     time_s: Array

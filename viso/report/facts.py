@@ -43,9 +43,6 @@ class KindFacts:
     """Outcome of one kind of measurement, as far as the log can tell.
 
     Attributes:
-        record: its record.
-        content: what it measures.
-        records: how many there are.
         withheld_for: how many were withheld from the EKF, by each reason of ``withheld_why``.
         given: how many went to the EKF by the replay records; None if the log has no such records.
         rate_hz: how many a second, by the middle interval; 0 for fewer than two.
@@ -66,13 +63,7 @@ class KindFacts:
 
 @dataclass(frozen=True, slots=True)
 class Reset:
-    """Something restarted.
-
-    Attributes:
-        time_s: when the log first shows it.
-        what: in words.
-        by: "vision" or "EKF".
-    """
+    """Something restarted, by "vision" or "EKF", where the log first shows it."""
 
     time_s: float
     what: str

@@ -29,15 +29,7 @@ _LEAST_DEG: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class FigureKind:
-    """A figure.
-
-    Attributes:
-        name: of its file, and within the page.
-        title: its heading.
-        caption: how to read it.
-        draw: makes it, or None if the log has nothing for it.
-        absent: what is missing then.
-    """
+    """A figure, which has its name as a file and within the page; ``absent`` is what a log lacks that has none."""
 
     name: str
     title: str

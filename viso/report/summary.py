@@ -47,14 +47,7 @@ class Remark:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What to read first.
-
-    Attributes:
-        level: of the worst remark.
-        sentence: the flight in one sentence.
-        remarks: what stands out, the worst first.
-        absent: what the log does not hold, so that the report cannot tell it.
-    """
+    """What to read first: the flight in a sentence, the level of the worst remark, remarks, and what the log lacks."""
 
     level: Level
     sentence: str

@@ -83,16 +83,7 @@ class RequestError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Something that a page asks for.
-
-    Attributes:
-        client: number of the page.
-        number: the page's own, for the answer; -1 if it gave none.
-        kind: ``param``, ``action`` or ``fault``.
-        name: of the parameter, the action or the fault.
-        value: of the parameter.
-        on: whether a fault is to be switched on.
-    """
+    """Something that a page asks for: ``param``, ``action`` or ``fault``, under a number of its own, -1 without one."""
 
     client: int
     number: int

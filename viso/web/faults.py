@@ -45,12 +45,7 @@ _BY_NAME: Final = {switch.name: switch for switch in SWITCHES}
 
 
 class FaultyLink:
-    """A link that lets faults into what it receives; all else is the link's own.
-
-    Args:
-        link: where bytes come from.
-        now_us: a clock that does not go back.
-    """
+    """A link that lets faults into what it receives, by a clock that does not go back; all else is the link's own."""
 
     def __init__(self, link: Link, now_us: Callable[[], int]) -> None:
         self._link = link

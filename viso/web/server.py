@@ -292,12 +292,7 @@ class BoundedProtocol(H11Protocol):
 
 
 class PageServer:
-    """Serves on a socket, on a thread of its own, until it is stopped.
-
-    Args:
-        app: what answers (ASGI).
-        listening: a bound socket, which is closed at the end.
-    """
+    """Serves on a bound socket, on a thread of its own, until it is stopped, and then closes that."""
 
     def __init__(self, app: Starlette, listening: socket.socket) -> None:
         config = uvicorn.Config(
