@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The example of an engine in C++, compiled once, and what is left of processes."""
+"""The example of an engine in C++, compiled once for each of its versions, and what is left of processes."""
 
 import functools
+import hashlib
 import os
 import select
 import shutil
@@ -16,7 +17,7 @@ from viso.companion.engine import INCLUDE_DIR
 
 SOURCE = Path(__file__).parents[5] / "docs/examples/inertial_engine.cpp"
 PATIENCE_S = 20.0
-_FOLDER = tempfile.TemporaryDirectory(prefix="viso-engine-")
+CACHE = Path(__file__).parents[5] / ".pytest_cache" / "engines"
 
 
 @functools.cache
@@ -25,9 +26,17 @@ def inertial_engine() -> str:
     compiler = shutil.which("g++") or shutil.which("c++")
     if compiler is None:
         pytest.skip("no compiler for C++")
-    program = Path(_FOLDER.name) / "inertial_engine"
     flags = ("-std=c++17", "-Wall", "-Wextra", "-Werror", "-pedantic", f"-I{INCLUDE_DIR}")
-    subprocess.run([compiler, *flags, SOURCE, "-o", program], check=True)
+    digest = hashlib.sha256(repr((compiler, os.stat(compiler).st_mtime_ns, flags)).encode())
+    for file in (SOURCE, INCLUDE_DIR / "viso_engine.hpp"):
+        digest.update(file.read_bytes())
+    program = CACHE / f"inertial_engine_{digest.hexdigest()}"
+    if not program.exists():
+        CACHE.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=CACHE) as folder:  # another process may be at it as well
+            made = Path(folder) / "inertial_engine"
+            subprocess.run([compiler, *flags, SOURCE, "-o", made], check=True)
+            made.replace(program)
     return str(program)
 
 

@@ -164,6 +164,12 @@ def aboard(recorded: Recorded, **config: Any) -> Aboard:
     return Aboard(recorded, recorded.warm_start(), **config).fly()
 
 
+@lru_cache(maxsize=1)
+def flown_survey() -> Aboard:
+    """Return a strategy that has flown all of the survey, for tests that only look at it."""
+    return aboard(survey())
+
+
 def begun(frames: int, recorded: Recorded | None = None, **config: Any) -> Aboard:
     """Return a strategy that was warm started and has flown a part of the survey, or of another flight."""
     recorded = recorded or survey()

@@ -150,11 +150,11 @@ def test_restarts_leave_nothing(fly: Fly) -> None:
     flight.start()
     flight.see(3)
     before, pids = descriptors(), list[int]()
-    for _ in range(20):
+    for _ in range(8):
         pids.append(flight.pid)
         flight.kill()
         flight.see(4)
-    assert flight.counters == {"exits": 20, "restarts": 20}
+    assert flight.counters == {"exits": 8, "restarts": 8}
     assert descriptors() == before
     assert all(has_ended(pid) for pid in pids)
 

@@ -51,7 +51,7 @@ def fly(
 
 @functools.cache
 def plain_flight() -> Trial:
-    return fly(5.0, calibration=nadir_calibration())
+    return fly(5.0)
 
 
 def states(trial: Trial) -> list[VioState]:
@@ -88,7 +88,7 @@ def test_innovations_are_about_as_expected() -> None:
 
 @pytest.mark.slow
 def test_same_flight_same_poses() -> None:
-    again = positions(fly(2.5, calibration=nadir_calibration()))
+    again = positions(fly(2.5))
     assert again == positions(plain_flight())[: len(again)]
 
 

@@ -8,7 +8,7 @@ import uuid
 import numpy as np
 import pytest
 
-from tests.unit.viso.companion.strategies.survey import PERIOD_NS, Aboard, aboard, begun, record, survey
+from tests.unit.viso.companion.strategies.survey import PERIOD_NS, Aboard, aboard, begun, flown_survey, record, survey
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.config import AglSource, ImuNoise, Scene
 from viso.companion.vio.health import SCALE_UNOBSERVED, TOO_FEW_INLIERS
@@ -35,7 +35,7 @@ def as_bytes(output: VioOutput | None) -> bytes:
 
 @pytest.fixture(scope="module")
 def flown() -> Aboard:
-    return aboard(survey())
+    return flown_survey()
 
 
 @pytest.fixture(scope="module")
@@ -100,13 +100,13 @@ class TestHealth:
         assert len(covered.fatal) == len(covered.outputs[19:])
 
     def test_scale_that_nothing_fixes_is_degraded(self) -> None:
-        unaided = begun(5, agl_source=AglSource.NONE)
+        unaided = begun(4, agl_source=AglSource.NONE)
         assert unaided.reasons()[3] == SCALE_UNOBSERVED
         assert unaided.healths[3].state is VioState.DEGRADED
 
     def test_degraded_pose_is_inflated(self) -> None:
-        plain = begun(5, agl_source=AglSource.NONE, degraded_inflation=1.0)
-        inflated = begun(5, agl_source=AglSource.NONE, degraded_inflation=4.0)
+        plain = begun(4, agl_source=AglSource.NONE, degraded_inflation=1.0)
+        inflated = begun(4, agl_source=AglSource.NONE, degraded_inflation=4.0)
         assert inflated.healths[-1].state is VioState.DEGRADED
         assert np.allclose(inflated.last().pose_covariance_6x6, 4 * plain.last().pose_covariance_6x6)
 

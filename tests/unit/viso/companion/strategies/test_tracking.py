@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.unit.viso.companion.strategies.survey import PERIOD_NS, Aboard, Recorded, aboard, begun, record, survey
+from tests.unit.viso.companion.strategies.survey import (
+    PERIOD_NS,
+    Aboard,
+    Recorded,
+    aboard,
+    begun,
+    flown_survey,
+    record,
+    survey,
+)
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.strategies.tracking import LEAST_VARIANCE_M2
 from viso.companion.vio.config import AglSource, ImuNoise
@@ -28,7 +37,7 @@ def on_the_ground() -> Recorded:
 
 @pytest.fixture(scope="module")
 def flown() -> Aboard:
-    return aboard(survey())
+    return flown_survey()
 
 
 def shifted(pose: WarmStartPose, by_m: Any) -> WarmStartPose:
@@ -81,11 +90,11 @@ class TestBeginning:
         assert state.p == pytest.approx(np.zeros(3), abs=0.5)
 
     def test_warm_start_in_flight_counts_as_a_reset(self) -> None:
-        flying = begun(5)
+        flying = begun(3)
         before = flying.strategy.frame_report().resets
         flying.start_again()
-        flying.fly(10)
-        assert [health.state for health in flying.healths[5:]] == [VioState.INIT] * 2 + [VioState.TRACKING] * 3
+        flying.fly(8)
+        assert [health.state for health in flying.healths[3:]] == [VioState.INIT] * 2 + [VioState.TRACKING] * 3
         assert (before, flying.strategy.frame_report().resets) == (0, 1)
         assert flying.error_m() < 0.6
 
@@ -164,8 +173,8 @@ class TestBadData:
         flying = Aboard(survey(), survey().warm_start())
         for height_m, sigma_m in ((np.nan, 0.1), (-5.0, 0.1), (20.0, np.inf)):
             flying.strategy.add_height(0, height_m, sigma_m)
-        unharmed = flown.outputs[9]
-        flying.fly(10)
+        unharmed = flown.outputs[4]
+        flying.fly(5)
         assert unharmed is not None
         assert flying.last().world_T_body.t == pytest.approx(unharmed.world_T_body.t)
 
@@ -191,19 +200,19 @@ class TestBadData:
         assert 0.4 < flying.last().world_T_body.t[2] - flown.last().world_T_body.t[2] < 0.9
 
     def test_height_is_left_alone_without_a_source(self, flown: Aboard) -> None:
-        unaided = begun(5, agl_source=AglSource.NONE)
+        unaided = begun(3, agl_source=AglSource.NONE)
         assert len(unaided.strategy.heights._heights) == len(unaided.outputs)
         assert not flown.strategy.heights._heights
 
     @pytest.mark.parametrize("field", ["p", "v", "R", "cov"])
     def test_state_that_is_not_finite_is_fatal(self, field: str) -> None:
-        flying = Aboard(survey(), survey().warm_start()).fly(6)
+        flying = begun(3)
         assert flying.fatal == []
         estimator = flying.strategy._estimator
         assert estimator is not None
         getattr(estimator.state, field)[0] = np.nan
         frame = next(event for event in survey().events() if isinstance(event, NavCameraFrame))
-        flying.see(dataclasses.replace(frame, frame_id=uuid.UUID(int=1), capture_timestamp=7 * PERIOD_NS))
+        flying.see(dataclasses.replace(frame, frame_id=uuid.UUID(int=1), capture_timestamp=4 * PERIOD_NS))
         assert len(flying.fatal) == 1
         assert flying.healths[-1].state is VioState.LOST
 
