@@ -286,9 +286,12 @@ class Live:
             raise InputError(str(error)) from error
         except OSError as error:
             raise InputError(f"{name}: {error.strerror or error}") from error
-        if _is_snapshot(text):
+        record = _record(text)
+        if isinstance(record, dict) and {"now", "aircraft"} <= record.keys():
             return Snapshots(path)
-        return WholeFile(name, reader) if _is_one_record(text) else self._lines(path, options)
+        has_lines = len([line for line in text.splitlines() if line.strip()]) > 1
+        is_one_record = record is not None and has_lines
+        return WholeFile(name, reader) if is_one_record else self._lines(path, options)
 
     def _lines(self, path: Path, options: InputOptions) -> Source[Any]:
         try:
@@ -297,16 +300,6 @@ class Live:
             raise InputError(f"{path}: {error.strerror or error}") from error
         self._stack.callback(os.close, descriptor)
         return LineSource(str(path), descriptor, options.utc_offset_s)
-
-
-def _is_snapshot(text: str) -> bool:
-    record = _record(text)
-    return isinstance(record, dict) and "now" in record and "aircraft" in record
-
-
-def _is_one_record(text: str) -> bool:
-    """Return whether a file is one record over several lines."""
-    return _record(text) is not None and len([line for line in text.splitlines() if line.strip()]) > 1
 
 
 def _record(text: str) -> object:

@@ -41,11 +41,7 @@ def to_message(report: AircraftReport, now_s: float) -> ADSB_VEHICLE:
     """Return the message of a report.
 
     A report does not know whether its zeros were told: a speed and heading of 0 are marked as not valid. Numbers
-    beyond those that the message can hold become the largest that it can.
-
-    Args:
-        report: of an aircraft.
-        now_s: on the report's clock; from it follows how long ago it was heard of.
+    beyond those that the message can hold become the largest that it can. ``now_s`` is on the report's clock.
     """
     flags = AdsbFlags.COORDS
     if report.altitude_ft is not None:

@@ -42,15 +42,12 @@ class _Track:
 
 
 class AircraftTracker:
-    """The last report of every aircraft, and how fast it turns."""
+    """The last report of every aircraft, and how fast it turns.
+
+    One whose report is 15 s from now, also if it is later, is not there. The offset is added to pressure altitudes.
+    """
 
     def __init__(self, mode: FrameMode = FrameMode.WGS84, qnh_offset_m: float | None = None) -> None:
-        """Start without aircraft; one whose report is 15 s from now, also if it is later, is not there.
-
-        Args:
-            mode: of the local frame.
-            qnh_offset_m: what to add to pressure altitudes; None if that is not known.
-        """
         self._mode = mode
         self._qnh_offset_m = qnh_offset_m
         self._tracks: dict[str, _Track] = {}
@@ -67,10 +64,8 @@ class AircraftTracker:
     def states(self, now_s: float, origin: GeodeticPoint) -> tuple[AircraftState, ...]:
         """Return the aircraft that are there, in the order of their addresses.
 
-        Args:
-            now_s: by the clock of the reports.
-            origin: latitude and longitude of the vehicle now, and the altitude of the ground that the height of its
-                camera counts from. Without a fix, (0, 0), there is no aircraft.
+        Their origin has latitude and longitude of the vehicle now, and the altitude of the ground that its camera's
+        height counts from. Without a fix, (0, 0), there is no aircraft.
         """
         if not origin.is_fix:
             return ()

@@ -18,13 +18,7 @@ class Palette(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Colours:
-    """Colours of a palette.
-
-    Attributes:
-        predicted, observed: of landmarks in the picture.
-        landmark: in the world.
-        aircraft: in all views.
-    """
+    """Colours of landmarks predicted and observed in the picture, those in the world, and aircraft in all views."""
 
     predicted: str
     observed: str

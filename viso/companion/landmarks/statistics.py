@@ -3,9 +3,8 @@
 """What innovations amount to: their number, mean, median and spread, all together and for each id."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -62,31 +61,20 @@ def innovation_statistics(innovations: Sequence[Innovation]) -> InnovationStatis
     values = np.array([(one.du_px, one.dv_px) for one in innovations])
     median = np.median(values, axis=0)
     mad = np.median(np.abs(values - median), axis=0)
-    mean_u, mean_v = values.mean(axis=0).tolist()
-    spread_u, spread_v = values.std(axis=0).tolist()
-    robust_u, robust_v = (_SIGMA_OF_MAD * mad).tolist()
-    return InnovationStatistics(
-        len(innovations), (mean_u, mean_v), tuple(median.tolist()), (spread_u, spread_v), (robust_u, robust_v)
-    )
+    figures = values.mean(axis=0), median, values.std(axis=0), _SIGMA_OF_MAD * mad
+    return InnovationStatistics(len(innovations), *((float(u), float(v)) for u, v in figures))
 
 
-def summarise(pictures: Iterable[Residuals]) -> Summary:
-    count, everything = 0, list[Innovation]()
+def summarise(pictures: Collection[Residuals]) -> Summary:
     per_id: defaultdict[str, list[Innovation]] = defaultdict(list)
-    unmatched, not_projected, duplicates = Counter[str](), Counter[str](), Counter[str]()
-    for picture in pictures:
-        count += 1
-        everything.extend(picture.innovations)
-        for innovation in picture.innovations:
-            per_id[innovation.id].append(innovation)
-        unmatched.update(picture.unmatched)
-        not_projected.update(picture.not_projected)
-        duplicates.update(picture.duplicates)
+    everything = [one for picture in pictures for one in picture.innovations]
+    for innovation in everything:
+        per_id[innovation.id].append(innovation)
     return Summary(
-        count,
+        len(pictures),
         innovation_statistics(everything),
-        MappingProxyType({name: innovation_statistics(its) for name, its in per_id.items()}),
-        MappingProxyType(unmatched),
-        MappingProxyType(not_projected),
-        MappingProxyType(duplicates),
+        {name: innovation_statistics(its) for name, its in per_id.items()},
+        Counter(name for picture in pictures for name in picture.unmatched),
+        Counter(name for picture in pictures for name in picture.not_projected),
+        Counter(name for picture in pictures for name in picture.duplicates),
     )

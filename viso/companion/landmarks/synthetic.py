@@ -44,13 +44,7 @@ LANDMARKS: Final = tuple(Landmark(str(index), 10.0 + 5 * index, 5.0 + 3 * index)
 
 @dataclass(frozen=True, slots=True)
 class Planted:
-    """Errors that the flight's records have, as a fit should find them.
-
-    Attributes:
-        yaw_offset_rad: what the reported yaw lacks.
-        pitch_trim_rad: what the camera's pitch trim lacks.
-        delay_s: by how much the stamps of the pictures are late.
-    """
+    """What reported yaw and camera's pitch trim lack, and how late stamps of pictures are, as a fit should find it."""
 
     yaw_offset_rad: float = 0.0
     pitch_trim_rad: float = 0.0
@@ -62,12 +56,10 @@ class Traffic:
     """An aircraft on a straight or a circling way.
 
     Attributes:
-        icao: address.
         start_enu: of the reference, in m.
         speed_m_s, climb_m_s: over ground, and up.
         heading_deg: at the start, clockwise from north.
         turn_deg_s: clockwise.
-        tells_altitude: whether its reports do.
     """
 
     icao: str
@@ -109,12 +101,8 @@ class SyntheticFlight:
 
     Attributes:
         camera: as it is believed to be; the true one differs by the planted trim.
-        planted: errors.
         noise_px: sigma of each detection, in both axes.
         wrong_share: of detections that carry the id of another.
-        seed: of noise and wrong ids.
-        duration_s: of the flight.
-        traffic: the aircraft.
         mode, qnh_offset_m: of the local frame of the aircraft, as the reader will have it.
     """
 

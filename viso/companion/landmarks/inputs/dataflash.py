@@ -66,9 +66,7 @@ class DataFlashFile:
     def events(self) -> Iterator[Event]:
         """Yield what the log tells.
 
-        Raises:
-            InputFileError: if it holds no poses of an EKF3.
-            Exception: what the function that opens logs raises if it cannot be read.
+        Raises InputFileError if it holds no poses of an EKF3, and what the function that opens logs raises.
         """
         events = self._read_log(self._path, self._all)
         if self._offsets_s:

@@ -32,10 +32,8 @@ _LAST_FIELD: Final = {"1": 10, "2": 15, "3": 15, "4": 16, "5": 11, "6": 11, "7":
 class Sbs1Reader(LineReader):
     """Makes a report of each position, with the altitude and velocity that the aircraft told in the 15 s before.
 
-    Times are UTC; lines without date and time have that of their arrival.
-
-    Args:
-        utc_offset_s: how far the receiver's clock is ahead of UTC, by its zone.
+    Times are UTC; lines without date and time have that of their arrival. The offset is how far the receiver's clock is
+    ahead of UTC, by its zone.
     """
 
     def __init__(self, utc_offset_s: float = 0.0) -> None:
