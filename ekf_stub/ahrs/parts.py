@@ -23,21 +23,14 @@ class AhrsParts:
     """The vehicle around an AHRS.
 
     Attributes:
-        clock: time since boot.
-        sources: the EKF's source sets.
         log: where inputs are logged.
         logger: where estimates are logged.
-        params: all parameters.
-        texts: where texts for the ground station go.
         gps: returns the newest solution of the GPS.
         gps_lag_s: returns how late the GPS is said to be, s.
-        is_armed: says whether the vehicle is armed.
-        visual_odom_enabled: says whether there is visual odometry.
         on_yaw_reset: is called as the estimator's yaw has jumped.
         on_primary: is called with the number of the primary core as another has become that.
         flying_ms: for how long the vehicle has been flying, 0 on the ground.
         home: returns home, None while it is unset.
-        release: what EKF3 does otherwise than in other releases.
         ranges: returns what the range finders say, the same until that changes; None without any.
         expected: says whether a take-off is expected, and whether a touchdown is.
     """

@@ -39,15 +39,10 @@ def _output(row: Array) -> Output:
 
 
 class CompiledOutput(OutputChanges):
-    """The present state, and its history back to the horizon, as numbers in arrays.
+    """The present state (`OutputState`), and its history back to the horizon, as numbers in arrays.
 
-    Args:
-        mem: what is kept from pass to pass.
-        state: the filter at its start.
-        length: how many steps the horizon lies back.
-
-    Attributes:
-        history: shape (length, 10), a row a step: attitude, velocity, position; a ring.
+    ``mem`` is what is kept from pass to pass, ``history`` a ring, shape (length, 10), a row a step: attitude, velocity,
+    position.
     """
 
     def __init__(self, mem: Array, state: ErrorState, length: int) -> None:
@@ -62,27 +57,22 @@ class CompiledOutput(OutputChanges):
 
     @property
     def now(self) -> Output:
-        """The present state."""
         return _output(self._mem[_NOW])
 
     @property
     def height_rate(self) -> float:
-        """d(down)/dt, m/s, of height and vertical acceleration through a complementary filter."""
         return self._mem.item(kernel.HEIGHT_RATE)
 
     @property
     def angle_error(self) -> float:
-        """How far the attitude was from the filter's at the last step, rad."""
         return 2.0 * self._length(kernel.ANGLE_ERROR)
 
     @property
     def vel_error(self) -> float:
-        """How far the velocity was from the filter's at the last step, m/s."""
         return self._length(kernel.VEL_ERROR)
 
     @property
     def pos_error(self) -> float:
-        """How far the position was from the filter's at the last step, m."""
         return self._length(kernel.POS_ERROR)
 
     def _length(self, first: int) -> float:
@@ -118,7 +108,6 @@ class CompiledStillness:
 
     @property
     def report(self) -> StillnessReport | None:
-        """What the last test found; None while it does not run."""
         ratios = self._mem[kernel.RATIOS : kernel.DT_EKF_AVG].tolist()
         return StillnessReport(self.is_still, *ratios) if self.is_tested else None
 
@@ -144,26 +133,21 @@ class CompiledPass(InertialPass):
         mem[_BIAS_RATES] = 0.0
 
     def accel(self) -> Three:
-        """Return the specific force, filtered at 10 Hz, m/s/s, body (FRD)."""
         x, y, z = self._mem[kernel.ACCEL_FILTERED : kernel.BIAS_RATES].tolist()
         return x, y, z
 
     def gyro(self) -> Three:
-        """Return the body rates, filtered at 10 Hz, rad/s, body (FRD)."""
         x, y, z = self._mem[kernel.GYRO_FILTERED : kernel.ACCEL_FILTERED].tolist()
         return x, y, z
 
     def sense(self, delta: InertialDelta) -> None:
-        """Take the data of a pass while there is no state."""
         kernel.sense(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt)
 
     def begin(self, state: ErrorState, length: int) -> None:
-        """Restart with a state, whose horizon lies ``length`` steps back; what is filtered goes on."""
         self._restart()
         self.output = CompiledOutput(self._mem, state, length)
 
     def sample(self, delta: InertialDelta, now_ms: int, *, scale: float | None) -> None:
-        """Test for standing still, and add up the data of a pass, which are taken once more in ``advance``."""
         if scale is not None:
             self._answer.note(kernel.test(self._mem, self._answer.known, scale))
         kernel.add(self._mem, delta.del_vel, delta.del_ang, delta.del_vel_dt, delta.del_ang_dt, True)
@@ -178,7 +162,6 @@ class CompiledPass(InertialPass):
         height_filter_hz: float,
         may_step: bool = True,
     ) -> InertialStep | None:
-        """Take the sound data of a pass; return the step that it completes, if it does."""
         answer = self._answer
         known = kernel.advance(
             self._mem,
@@ -198,7 +181,6 @@ class CompiledPass(InertialPass):
     def advance_all(
         self, rows: Array, times_us: range, state: ErrorState, *, scale: float | None, height_filter_hz: float
     ) -> tuple[int, InertialStep | None]:
-        """Take the sound data of several passes, until a step is complete or the test's answer changes."""
         count, known = kernel.advance_all(
             self._mem,
             rows,
@@ -225,7 +207,6 @@ class CompiledPass(InertialPass):
     def follow(
         self, delta: InertialDelta, state: ErrorState, *, delay_s: float, tau_s: float, height_filter_hz: float
     ) -> None:
-        """Move the output on by the pass of a step, and steer it towards the filter; take over its biases."""
         quat = state.quat
         kernel.follow(
             self._mem,

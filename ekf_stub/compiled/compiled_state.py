@@ -37,7 +37,6 @@ class CompiledErrorState(ErrorState):
         on_ground: bool,
         is_moved: bool = False,
     ) -> None:
-        """Move state and covariance on by a step; refuse unsound inertial data."""
         limits, quat = self.limits, self.quat
         limits.set_step(dt_ekf_avg)
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
@@ -79,13 +78,11 @@ class CompiledErrorState(ErrorState):
         return not all(map(math.isnan, self._frozen.tolist()))
 
     def clear(self, states: slice, variance: float) -> None:
-        """Forget what some errors have to do with others, and give them a variance, within limits."""
         if states.start >= EARTH.start and not self.learns_field:
             variance = 0.0
         kernel.clear(self.cov, states.start, states.stop, variance, self.limits.highest_var.item(states.start))
 
     def update_states(self, wanted: Sequence[tuple[int, float, float]]) -> list[float]:
-        """Fuse measurements of states of velocity or position, one after the other; return their innovations."""
         if not self._aided or self.accel_is_bad:
             return super().update_states(wanted)
         states, cov, limits, innovations = self.states.copy(), self.cov.copy(), self.limits, np.empty(len(wanted))
@@ -106,14 +103,12 @@ class CompiledErrorState(ErrorState):
         return innovations.tolist()
 
     def spread_of_yaw(self, *, by_321: bool) -> tuple[Array, float]:
-        """Return how errors go with yaw, of one of the two sequences of rotation, and its variance."""
         spread = np.empty(STATES)
         return spread, kernel.set_spread(spread, self.cov, *yaw_by_components(self.quat, by_321=by_321))
 
     def fuse_spread(
         self, spread: Array, expected: float, innovation: float, variance: float, left_alone: Sequence[int] = ()
     ) -> bool:
-        """Fuse a scalar, given what `spread_of` says."""
         if left_alone or not self._can_fuse(innovation, variance, expected):
             return super().fuse_spread(spread, expected, innovation, variance, left_alone)
         states, after, limits, quat = self.states.copy(), np.empty((STATES, STATES)), self.limits, self.quat

@@ -22,15 +22,9 @@ def buffer_sizes(
     gps_lag_s: float = USUAL_LAG_S,
     least_ms: int = 0,
 ) -> RingSizes:
-    """Return the lengths of the estimator's buffers (NavEKF3_core::setup_core).
+    """Return the lengths of the estimator's buffers (NavEKF3_core::setup_core), enough for a delay of ``least_ms``.
 
-    Args:
-        get_int: returns an integer parameter by its full name.
-        sources: the source sets.
-        has_camera: whether there is visual odometry.
-        has_flow: whether there is a flow sensor.
-        gps_lag_s: what the GPS receiver is said to be late, s.
-        least_ms: a delay for which they are long enough in any case.
+    ``get_int`` takes a parameter's full name, ``gps_lag_s`` is what the GPS receiver is said to be late.
     """
     delays = [get_int(f"EK3_{name}_DELAY") for name in ("HGT", "FLOW", "BCN")]
     if sources.uses_gps():

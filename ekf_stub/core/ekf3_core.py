@@ -86,23 +86,14 @@ class Ekf3Core:
     """The filter, from its first inertial data on.
 
     Args:
-        sources: the source sets.
         get_float: returns a parameter by its name after ``EK3_``.
-        sizes: lengths of the buffers.
-        texts: what the ground station is told.
         counts: what became of samples of external navigation.
-        has_compass: says whether a compass is in use.
         kernel: what its arithmetic runs on.
         common: the origin that it shares with other cores.
-        release: what the firmware's release does otherwise than others.
-        number: of the core.
         imu: whose data it uses at first.
 
     Attributes:
         ingest: where external navigation is handed in.
-        gps: what it makes of the GPS.
-        ranges: what it makes of the range finders.
-        flow_ingest: where optical flow waits.
         initialised: it has a state.
         refused: in how many frames which of their fields could not be used.
         stepped: whether the last frame has made a step.
@@ -189,7 +180,7 @@ class Ekf3Core:
         return min(until_ms, frame.time_us // 1000 + FLYING_MS - frame.flying_ms - 1)
 
     def run_alike(self, rows: Array, times_us: range, set_us: Callable[[int], None]) -> int:
-        """Run frames like the last one, up to one that makes a step or changes the answer of `is_still`.
+        """Run frames like the last one, up to one that makes a step or changes `is_still`; return how many.
 
         What comes of them is what comes of :meth:`run` for each.
 
@@ -197,9 +188,6 @@ class Ekf3Core:
             rows: their inertial data, usable, shape (n, 8), a row a frame (`ekf_stub.filter.inertial.row_of`).
             times_us: of the frames, up to ``quiet_until_ms``.
             set_us: sets the clock to the time of the last one that is run.
-
-        Returns:
-            How many frames were run.
         """
         control, get, frame = self.control, self._get_float, self._frame
         assert frame is not None

@@ -34,9 +34,7 @@ class Lanes:
 
     Args:
         cores: the cores; they share ``common``.
-        common: their origin.
         get_float: returns a parameter by its name after ``EK3_``.
-        texts: what the ground station is told.
         count: how many cores there are, where the only filter stands for all of them.
 
     Attributes:

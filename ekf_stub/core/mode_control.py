@@ -202,12 +202,7 @@ class ModeControl:
         gsf.follow_flight(self.vehicle, takeoff_expected=frame.takeoff_expected, dt_ekf_avg=dt_ekf_avg)
 
     def detect_takeoff(self, gyro: Three, dt_ekf_avg: float) -> None:
-        """Find out, as flow comes in, whether the vehicle has left the ground (detectOptFlowTakeoff).
-
-        Args:
-            gyro: filtered body rates, rad/s.
-            dt_ekf_avg: average interval of the filter's steps, s.
-        """
+        """Find out by filtered body rates as flow comes in whether the vehicle flies (detectOptFlowTakeoff)."""
         core = self._core
         if self.vehicle.on_ground:
             core.flow.takeoff_detected = False

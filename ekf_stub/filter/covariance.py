@@ -71,7 +71,6 @@ def fused(cov: Array, gain: Array, left_alone: Sequence[int], *, is_sharp: bool)
     """Return a covariance after a measurement; None if a variance would become negative.
 
     Args:
-        cov: before it.
         gain: how each error goes with the innovation, in units of the innovation's sigma.
         left_alone: states that the measurement is not to correct.
         is_sharp: so much more is known after it than before that the difference of the two has lost its last digits;

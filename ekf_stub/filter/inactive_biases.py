@@ -73,11 +73,7 @@ class _Biases:
 
 
 class InactiveBiases:
-    """The biases of all IMUs as one core knows them.
-
-    Args:
-        imu: whose data the core uses at first.
-    """
+    """The biases of all IMUs as one core knows them, which uses the data of ``imu`` at first."""
 
     def __init__(self, imu: int) -> None:
         self._gyros, self._accels = _Biases(imu, MAX_GYRO_ERROR), _Biases(imu, MAX_ACCEL_ERROR)

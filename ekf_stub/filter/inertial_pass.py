@@ -95,14 +95,8 @@ class InertialPass:
         """Take the sound data of a pass; return the step that it completes, if it does.
 
         The output moves on by the pass. Where a step is due it does so in ``follow``, with the state after the step.
-
-        Args:
-            delta: the data.
-            now_ms: the time.
-            state: the filter.
-            scale: of the limits of the test for standing still (EK3_OGNM_TEST_SF); None lets the test rest.
-            height_filter_hz: EK3_HRT_FILT.
-            may_step: whether a step may be made already.
+        ``scale`` is that of the limits of the test for standing still (EK3_OGNM_TEST_SF), None lets the test rest;
+        ``height_filter_hz`` is EK3_HRT_FILT.
         """
         self._stillness.sense(delta)
         if scale is None:
@@ -121,15 +115,8 @@ class InertialPass:
     ) -> tuple[int, InertialStep | None]:
         """Take the sound data of several passes, until a step is complete or the test's answer changes.
 
-        Args:
-            rows: the data, shape (n, 8), a row a pass (`ekf_stub.filter.inertial.row_of`).
-            times_us: of the passes.
-            state: the filter.
-            scale: of the limits of the test for standing still, or None, as for ``advance``.
-            height_filter_hz: EK3_HRT_FILT.
-
-        Returns:
-            How many passes have taken theirs, and the step that the last of them has completed, if it has.
+        ``rows`` has the data, shape (n, 8), a row a pass (`ekf_stub.filter.inertial.row_of`). Return how many passes
+        have taken theirs, and the step that the last of them has completed, if it has.
         """
         stillness = self.stillness
         before = stillness.is_still, stillness.is_tested
@@ -152,12 +139,8 @@ class InertialPass:
     ) -> None:
         """Move the output on by the pass of a step, and steer it towards the filter; take over its biases.
 
-        Args:
-            delta: the data of the pass.
-            state: the filter after the step.
-            delay_s: how far its horizon lies back.
-            tau_s: time constant of velocity and position.
-            height_filter_hz: EK3_HRT_FILT.
+        ``state`` is the filter after the step, whose horizon lies ``delay_s`` back, ``tau_s`` the time constant of
+        velocity and position.
         """
         dt = self._sampler.dt_ekf_avg
         self._bias_rates = state.bias_rates(dt)

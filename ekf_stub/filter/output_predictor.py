@@ -87,12 +87,7 @@ class OutputState(OutputChanges, Protocol):
 
 
 class OutputPredictor(OutputChanges):
-    """The state at the present time, and its history back to the horizon.
-
-    Args:
-        state: the filter at its start.
-        length: how many steps the horizon lies back.
-    """
+    """The state at the present time, and its history back to the horizon, ``length`` steps."""
 
     def __init__(self, state: ErrorState, length: int) -> None:
         self.now = Output(state.quat, pure_quat(state.vel), pure_quat(state.pos))
@@ -145,11 +140,7 @@ class OutputPredictor(OutputChanges):
     def follow(self, state: ErrorState, *, delay_s: float, tau_s: float, dt_ekf_avg: float) -> None:
         """Steer towards the filter, once a step; velocity and position all along the history.
 
-        Args:
-            state: the filter at the horizon.
-            delay_s: how far the horizon lies back.
-            tau_s: time constant of velocity and position.
-            dt_ekf_avg: average interval of the steps.
+        The horizon lies ``delay_s`` back; ``tau_s`` is the time constant of velocity and position.
         """
         self._history.append(self.now)
         delayed = self._history[0]

@@ -45,12 +45,9 @@ class ProcessNoise:
         return (dt * limited(self.gyro, 0.0, 1.0)) ** 2
 
     def variances(self, dt: float, *, biases: bool, fields: bool) -> tuple[float, ...]:
-        """Return what a step of length ``dt`` adds to the variances of velocity and what follows it.
+        """Return what a step of ``dt`` seconds adds to the variances of velocity and what follows it.
 
-        Args:
-            dt: s.
-            biases: whether biases are estimated.
-            fields: whether magnetic fields are.
+        ``biases`` and ``fields`` say whether those are estimated.
         """
         vel = (dt * limited(self.accel, 0.0, BAD_ACCEL_NOISE)) ** 2
         gyro = accel = earth = body = 0.0
@@ -100,16 +97,10 @@ class ProcessModel:
         attitude_variance: float,
         variances: Array,
     ) -> None:
-        """Move a covariance on by a step.
+        """Move a covariance on by a step, given in rad and m/s, body; the state is that at its end.
 
-        Args:
-            cov: changed.
-            state: what is held to be true at the end of the step.
-            del_ang: rad, body.
-            del_vel: m/s, body.
-            dt: s.
-            attitude_variance: what is added to the variance of a rotation about any axis, rad^2.
-            variances: shape (18,), what is added to those of velocity and what follows it.
+        ``attitude_variance`` is added to the variance of a rotation about any axis, rad^2, ``variances``, shape (18,),
+        to those of velocity and what follows it.
         """
         by_turn = by_rotation(state.quat)
         turn, rotation = by_turn.reshape(-1).tolist(), state.rotation.reshape(-1).tolist()

@@ -78,13 +78,7 @@ class Stillness:
         return None if self._ratios is None else StillnessReport(self.is_still, *self._ratios)
 
     def test(self, gyro_bias: Three, accel_bias: Three, dt_ekf_avg: float, scale: float) -> None:
-        """Test again.
-
-        Args:
-            gyro_bias, accel_bias: rad/s and m/s/s.
-            dt_ekf_avg: average interval of the filter's steps, s.
-            scale: of all limits (EK3_OGNM_TEST_SF).
-        """
+        """Test again; biases are in rad/s and m/s/s, ``scale`` is that of all limits (EK3_OGNM_TEST_SF)."""
         (x, y, z), (bias_x, bias_y, bias_z) = self.gyro.value, gyro_bias
         gyro = x - bias_x, y - bias_y, z - bias_z
         (x, y, z), (bias_x, bias_y, bias_z) = self.accel.value, accel_bias

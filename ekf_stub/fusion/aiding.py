@@ -76,12 +76,10 @@ class Aiding:
         self.times = FusionTimes()
 
     def update(self, now_ms: int, ready: Callable[[], Ready], *, no_yaw_on_ground: bool) -> bool:
-        """Choose the mode, once a frame; say whether it changed.
+        """Choose the mode, once a frame, at the time of the last inertial data; say whether it changed.
 
-        Args:
-            now_ms: time of the last inertial data.
-            ready: returns what could start aiding; asked only while something could.
-            no_yaw_on_ground: the vehicle is disarmed and has no yaw source, with which it does not navigate.
+        ``ready`` is asked only while something could start aiding. With ``no_yaw_on_ground`` the vehicle is disarmed
+        and has no yaw source, so that it does not navigate.
         """
         before, self.position_is_lost = self.mode, False
         if no_yaw_on_ground:

@@ -27,9 +27,6 @@ SETTLED_MS: Final = 30_000
 class CompassReader(Fusion):
     """The compass in use.
 
-    Args:
-        parts: the filter.
-
     Attributes:
         said: what all compasses say in this frame.
         number: of the one in use.

@@ -40,12 +40,7 @@ class FlowFusion(Fusion):
         self.ratios: list[float] = [0.0, 0.0]
 
     def step(self, now_ms: int, *, ground_is_datum: bool) -> None:
-        """Fuse what came due in a step.
-
-        Args:
-            now_ms: time of the step.
-            ground_is_datum: heights count from the ground, as they come from a range finder.
-        """
+        """Fuse what came due in a step; with ``ground_is_datum`` heights are a range finder's, from the ground."""
         flow = None if self._flow.received_ms is None else self._flow.recall(self._ingest.horizon_ms)
         terrain = self._terrain
         self.is_valid = now_ms - self._flow.valid_ms < VALID_MS

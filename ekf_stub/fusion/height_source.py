@@ -62,10 +62,6 @@ class Vehicle:
 class HeightSource(Fusion):
     """Chooses the source of height, and measures by it.
 
-    Args:
-        parts: the filter.
-        terrain: the ground, from which a range finder tells the height.
-
     Attributes:
         active: the source.
         is_new: whether it gave another height in this step.
@@ -73,7 +69,7 @@ class HeightSource(Fusion):
         is_lost: nothing has passed the gate for too long.
         baro: heights that wait for the horizon.
         baro_height: the last that came due.
-        terrain: the ground.
+        terrain: the ground, from which a range finder tells the height.
         terrain_is_stable: as the vehicle says, heights may count from it.
         velocity_is_valid: the horizontal velocity was known in the step before.
     """

@@ -33,10 +33,6 @@ _MIN_LEVEL_FIELD_SQUARED: Final = 1e-4
 class MagFusion:
     """The magnetic fields of the earth and of the vehicle.
 
-    Args:
-        state: the filter.
-        get_float: returns a parameter by its name after ``EK3_``.
-
     Attributes:
         is_learned: the fields are known so well that they are kept until the vehicle has landed.
         innovation: of the three axes, Gauss; ``ratios`` are their squares to the gate.

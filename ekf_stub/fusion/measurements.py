@@ -63,13 +63,7 @@ class Delayed:
         self.has_pose = self.has_velocity = False
 
     def recall(self, state: ErrorState, step: InertialStep, lever_arm: Three) -> None:
-        """Take out what has come due, and move it from the camera to the IMU.
-
-        Args:
-            state: the filter after its prediction.
-            step: the inertial data of the prediction.
-            lever_arm: the camera's place from the IMU, m, body (FRD).
-        """
+        """Take out what has come due, and move it from the camera to the IMU, by its place there in m, body (FRD)."""
         self.has_pose = self.has_velocity = False
         if self._ingest.has_due:
             self._recall_pose(state, lever_arm)

@@ -43,14 +43,10 @@ class OriginHeight:
     def correct(
         self, horizon_ms: int, innovation_m: float, variance: float, *, drift_m_s: float, is_good: bool
     ) -> None:
-        """Correct it by a solution of the GPS.
+        """Correct it by a solution of the GPS, if that is good enough to be believed.
 
-        Args:
-            horizon_ms: time of the step at the horizon.
-            innovation_m: the filter's height less that of GPS.
-            variance: of that difference, m^2.
-            drift_m_s: how fast the sensor that gives the height may drift.
-            is_good: whether GPS is good enough to be believed.
+        ``innovation_m`` is the filter's height less that of GPS, ``variance`` that of this difference, m^2,
+        ``drift_m_s`` how fast the sensor that gives the height may drift.
         """
         dt = limited(0.001 * (horizon_ms - self._corrected_ms), 0.0, 1.0)
         self._corrected_ms = horizon_ms

@@ -22,20 +22,13 @@ class FilterParts:
     """A filter from its first state on.
 
     Attributes:
-        state: the filter.
-        output: what follows it.
-        aiding: the mode and the timeouts.
-        sources: the source sets.
+        output: what follows the state.
         delayed: external navigation at the horizon.
         ingest: where it waits.
-        gps: what the GPS says.
-        origin_height: how high the origin is.
-        texts: what the ground station is told.
         get_float: returns a parameter by its name after ``EK3_``.
         has_compass: says whether a compass is in use.
         ring_size: how many barometric heights, and how many magnetic fields, wait.
-        release: what the firmware's release does otherwise than others.
-        core: the number of the core.
+        core: its number.
     """
 
     state: ErrorState

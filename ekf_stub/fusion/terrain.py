@@ -25,13 +25,7 @@ _DOWN_VELOCITY: Final = VEL.stop - 1
 class Terrain(Fusion):
     """The ground below the vehicle.
 
-    Args:
-        parts: the filter.
-        ranges: what the range finders say.
-        now_ms: the present time.
-
     Attributes:
-        ranges: these.
         down: how far the ground is below the origin, m; never above the vehicle as it stands.
         variance: of that, m^2.
         valid_ms: when it was measured last; 0 counts as just after boot.
@@ -80,13 +74,7 @@ class Terrain(Fusion):
         self._local_origin = self._state.pos.item(0), self._state.pos.item(1)
 
     def estimate(self, now_ms: int, flow: FlowSample, *, is_datum: bool) -> None:
-        """Estimate by what came due in a step.
-
-        Args:
-            now_ms: time of the step.
-            flow: optical flow.
-            is_datum: heights count from the ground.
-        """
+        """Estimate by what came due in a step; with ``is_datum`` heights count from the ground."""
         by_flow = self._can_use(flow)
         self._is_held = is_datum or not (self.ranges.is_due or by_flow)
         if self._is_held:

@@ -110,15 +110,7 @@ class YawFusion(Fusion):
     def step(
         self, now_ms: int, vehicle: Vehicle, step: InertialStep, *, is_still: bool, climbed_m: Callable[[], float]
     ) -> None:
-        """Fuse what came due in a step.
-
-        Args:
-            now_ms: time of the step.
-            vehicle: what is known of it.
-            step: the inertial data.
-            is_still: whether it stands still on the ground.
-            climbed_m: tells the height above the place of take-off.
-        """
+        """Fuse what came due in a step; ``climbed_m`` tells the height above the place of take-off."""
         source = self.source
         self._source_changed |= source != self._step_source
         self._step_source = source

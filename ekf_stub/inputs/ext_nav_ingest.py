@@ -97,7 +97,6 @@ class ExtNavIngest:
         get_float: returns a parameter by its name after ``EK3_``.
 
     Attributes:
-        counts: see above.
         initialised: whether the estimator has a state.
         horizon_ms: the time of the oldest inertial data, to which later measurements are compared.
         has_due: whether anything may have come due as the horizon moved last.
@@ -308,14 +307,7 @@ class ExtNavIngest:
         return self._recall("odometry", self._odometry)
 
     def tell(self, kind: str, rule: Rule, time_ms: int, ratio: float | None = None) -> Rule:
-        """Count and tell what became of a sample; return the rule.
-
-        Args:
-            kind: ``pose``, ``height``, ``yaw``, ``velocity`` or ``odometry``.
-            rule: what decided it.
-            time_ms: when it was observed.
-            ratio: of its innovation to the gate, where it was tested.
-        """
+        """Count and tell what became of a sample, as in a `FilterOutcome`; return the rule."""
         self.counts[kind, rule.code] += 1
         if self.on_outcome is not None:
             self.on_outcome(tuple.__new__(FilterOutcome, (kind, rule, time_ms, ratio)))

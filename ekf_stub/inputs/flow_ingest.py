@@ -89,12 +89,7 @@ class FlowIngest:
     ) -> bool:
         """Take a measurement; say whether it did not come too soon after the last.
 
-        Args:
-            measured: the measurement.
-            delta: the newest inertial data.
-            now_ms: their time.
-            horizon_ms: the time of the oldest inertial data.
-            delay_ms: EK3_FLOW_DELAY.
+        ``now_ms`` is the time of ``delta``, the newest inertial data, ``delay_ms`` EK3_FLOW_DELAY.
         """
         if self.received_ms is not None and now_ms - self.received_ms < SENSOR_INTERVAL_MIN_MS:
             return False

@@ -50,9 +50,6 @@ class GpsSurroundings(NamedTuple):
 class GpsChecks:
     """Judges every solution, before and in flight.
 
-    Args:
-        get_float: returns a parameter by its name after ``EK3_``.
-
     Attributes:
         good: whether GPS has passed for 10 s, and not failed for 5 s since.
         reason: what the last failure was, in the words of the pre-arm check; None before the first solution.

@@ -60,10 +60,6 @@ class GpsFix:
 class GpsReading:
     """Reads the receiver once a step.
 
-    Args:
-        get_float: returns a parameter by its name after ``EK3_``.
-        ring_size: how many solutions wait.
-
     Attributes:
         checks: judges whether it is good enough to start with.
         newest, delayed: the last solution read, and the last that the horizon has reached.
@@ -113,8 +109,6 @@ class GpsReading:
         """Take a new solution; return it when it is one with a fix.
 
         Args:
-            sample: what the receiver says.
-            now_ms: time of the step.
             absolute: whether the filter navigates by position.
             worst_ratios: of the innovations of velocity and position to their gates, squared.
             around: what else says whether it is to be believed; what the receiver says of that is added.
@@ -137,14 +131,7 @@ class GpsReading:
     def push(
         self, sample: GpsSample, origin: Location, reference_height_m: float, horizon_ms: int, newest_ms: int
     ) -> None:
-        """Put a solution where it waits for the horizon.
-
-        Args:
-            sample: the solution.
-            origin: where north and east count from.
-            reference_height_m: where down counts from.
-            horizon_ms, newest_ms: the oldest and the newest inertial data.
-        """
+        """Put a solution where it waits for the horizon; between this and ``newest_ms`` there are inertial data."""
         north, east, _ = (float(value) for value in origin.distance_ned(sample.location).to_tuple())
         time_ms = later_ms(u32(sample.time_ms - whole_ms(sample.lag_s) - HALF_FILTER_STEP_MS), horizon_ms)
         if i32(time_ms - newest_ms) > 0:

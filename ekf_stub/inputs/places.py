@@ -27,11 +27,7 @@ def gps_seen_from(solution: GpsSample, imu_frd: Three) -> GpsSample:
 
 
 class Moved(Generic[T]):
-    """What has a place, as counted from each IMU: the same until it or the IMU's place changes.
-
-    Args:
-        move: counts the place from an IMU that is at a place.
-    """
+    """What has a place, as ``move`` counts it from each IMU: the same until it or the IMU's place changes."""
 
     def __init__(self, move: Callable[[T, Three], T]) -> None:
         self._move = move

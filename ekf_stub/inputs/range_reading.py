@@ -58,9 +58,6 @@ class _Slots:
 class RangeReading:
     """Reads the range finders once a step, and takes the median of three samples of each.
 
-    Args:
-        ring_size: how many ranges wait for the horizon.
-
     Attributes:
         newest: the range read last, m; 0 before the first.
         on_ground: what is measured on the ground, m.
@@ -96,13 +93,7 @@ class RangeReading:
         return now_ms - self.valid_ms < FRESH_MS
 
     def read(self, state: RangeState, now_ms: int, *, on_ground: bool) -> None:
-        """Read the range finders.
-
-        Args:
-            state: what they say.
-            now_ms: time of the step.
-            on_ground: whether the vehicle stands, for which a range that is missing is known.
-        """
+        """Read the range finders; a range that is missing is known while the vehicle stands."""
         self.on_ground = max(state.ground_clearance, LEAST_ON_GROUND_M)
         self.max_distance = state.max_distance
         if now_ms - self._read_ms <= INTERVAL_MS:
@@ -127,12 +118,7 @@ class RangeReading:
         self.valid_ms = now_ms
 
     def recall(self, horizon_ms: int, rotation: Array) -> None:
-        """Take out the range that has come due, and move it to the IMU.
-
-        Args:
-            horizon_ms: the time of the oldest inertial data.
-            rotation: body to earth.
-        """
+        """Take out the range that has come due, and move it to the IMU by the rotation from body to earth."""
         sample = self._ring.recall(horizon_ms).sample if self._ring.samples else None
         self.is_due = sample is not None
         if sample is not None:

@@ -59,18 +59,13 @@ EXTNAV: Final = 6  # in every row
 
 
 class _Rows(dict[int, dict[str, int]]):
-    """What sets say, by their index; it fills itself, since to ask a dictionary is the fastest way to ask.
-
-    Args:
-        read: reads a set that is not there.
-    """
+    """What sets say, by their index; it fills itself, since to ask a dictionary is the fastest way to ask."""
 
     def __init__(self, read: Callable[[int], dict[str, int]]) -> None:
         super().__init__()
         self._read = read
 
     def __missing__(self, index: int) -> dict[str, int]:
-        """Read a set."""
         return self._read(index)
 
 

@@ -21,12 +21,7 @@ def cores_of_mask(imu_mask: int, imus: int = NUMBER_OF_IMUS) -> tuple[int, ...]:
 class CoreTexts:
     """Collects the lines of one frame and sends them, all of one core and then all of the next.
 
-    Args:
-        texts: where they go.
-        cores: the IMU of each core that the filter stands for.
-
-    Attributes:
-        waiting: the lines, each with its severity.
+    ``cores`` has the IMU of each core that the filter stands for; ``waiting`` are the lines, each with its severity.
     """
 
     def __init__(self, texts: TextSink, cores: Sequence[int]) -> None:

@@ -75,12 +75,7 @@ class Comparison:
 
 
 def compare(replay: EkfReplay, *, bench: bool) -> Comparison:
-    """Judge a run.
-
-    Args:
-        replay: the run.
-        bench: whether by its events, or by its estimates.
-    """
+    """Judge a run, a bench by its events, any other by its estimates."""
     texts = compare_texts(replay.our_texts, replay.recorded_texts)
     aiding_s = _aiding_start(replay.our_texts), _aiding_start(replay.recorded_texts)
     window = _outside_events(replay) if bench else replay.time_s >= (aiding_s[1] or 0.0)

@@ -16,13 +16,7 @@ from viso.logs.record_fields import RecordError
 class CoreInputs:
     """The sensors of a core: its own IMU while that can be used; of others that of its number, if it has affinity.
 
-    An IMU of which there are no data cannot be used.
-
-    Args:
-        inputs: all sensors.
-        number: of the core.
-        imu: of the core.
-        affinity: returns EK3_AFFINITY.
+    An IMU of which there are no data cannot be used. ``affinity`` returns EK3_AFFINITY.
     """
 
     def __init__(self, inputs: ReplayInputs, number: int, imu: int, affinity: Callable[[], int]) -> None:

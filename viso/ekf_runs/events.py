@@ -50,13 +50,7 @@ class Differences:
 
 
 def changes(time_s: Array, values: Sequence[T], *, with_first: bool = False) -> list[tuple[float, T]]:
-    """Return when a value changes, and to what.
-
-    Args:
-        time_s: the time of each value.
-        values: the values.
-        with_first: whether the first counts as a change.
-    """
+    """Return when a value changes, and to what; ``with_first`` says whether the first counts as a change."""
     times = time_s.tolist()
     first = [(times[0], values[0])] if with_first and times else []
     return first + [(times[i], values[i]) for i in range(1, len(times)) if values[i] != values[i - 1]]

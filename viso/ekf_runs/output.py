@@ -21,11 +21,7 @@ _ALWAYS: Final = {"EK3_LOG_LEVEL": 0}
 
 
 class EkfOutput:
-    """A DataFlash log in memory: parameters, texts, events and estimates, and nothing before :meth:`begin`.
-
-    Args:
-        primary: returns the number of the primary core.
-    """
+    """A DataFlash log in memory: parameters, texts, events and estimates, and nothing before :meth:`begin`."""
 
     def __init__(self, primary: Callable[[], int]) -> None:
         self._writer = DataFlashWriter(STRUCTURES)

@@ -52,10 +52,7 @@ class FilterRecords:
 def table_with(log: LogColumns, kind: str, labels: tuple[tuple[str, ...], ...]) -> Array:
     """Return TimeUS and fields of a kind of records, a row each; NaN for what the log lacks.
 
-    Args:
-        log: to be looked into.
-        kind: of records.
-        labels: those that a field may have, the newest first.
+    Each of ``labels`` has those that a field may have, the newest first.
     """
     if kind not in log.types:
         return np.zeros((0, 1 + len(labels)))

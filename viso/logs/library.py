@@ -47,8 +47,6 @@ class StoredLogs:
     """The logs of a LogStore, ids from 1 for the oldest.
 
     Args:
-        store: the directory of logs.
-        clock: time since boot.
         open_number: returns the number of the log being written, or None.
         close_log: closes the log being written; does nothing if there is none.
         utc_us: returns the time of day, us since 1970, 0 while unknown.

@@ -91,14 +91,8 @@ def read_columns(path: Path) -> LogColumns:
 def read_kinds(path: Path, columns: LogColumns, kinds: Iterable[str], collect: "Callable[[DFReader_binary], T]") -> T:
     """Return what ``collect`` makes of some kinds of records, one by one; the others are left out beforehand.
 
-    In most logs these are few: what is left is read many times faster. Damage is left out as well. Raises InputError if
-    the log cannot be read.
-
-    Args:
-        path: of the log, for messages.
-        columns: the log.
-        kinds: the types that ``collect`` asks for.
-        collect: is given a log of those, and of what DFReader follows on its own account.
+    In most logs these are few: what is left is read many times faster. Damage is left out as well. ``collect`` is given
+    a log of those, and of what DFReader follows on its own account. Raises InputError if the log cannot be read.
     """
     with _problems_told(path):
         return _collect_from_bytes(columns.only((*kinds, *_FOLLOWED_BY_DFREADER)), collect)

@@ -31,13 +31,7 @@ _BUILT_FOR_COPTER: Final = 2
 
 
 class VehicleLog:
-    """Writes records, each stamped with the time of writing; the rest of a record is the arguments.
-
-    Args:
-        logger: where to.
-        clock: time since boot.
-        firmware: which release the vehicle is.
-    """
+    """Writes records, each stamped with the time of writing; the rest of a record is the arguments."""
 
     def __init__(self, logger: Logger, clock: Clock, firmware: Firmware = REFERENCE) -> None:
         self._logger = logger
