@@ -47,8 +47,8 @@ from ekf_stub.log.replay_log import (
     SOURCE_SET_1,
     TERRAIN_STABLE,
     TERRAIN_UNSTABLE,
+    VehicleFrame,
 )
-from ekf_stub.log.replay_vehicle import VehicleFrame
 from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO, NUMBER_OF_IMUS, cores_of_mask
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus

@@ -24,7 +24,7 @@ from ekf_stub.inputs.obs_ring import RingSizes
 from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
 from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.log.ekf_log import EkfLog
-from ekf_stub.log.replay_vehicle import SensorSet
+from ekf_stub.log.replay_log import SensorSet
 from ekf_stub.reports.core_report import Three
 from ekf_stub.reports.core_texts import CoreTexts
 
@@ -37,16 +37,8 @@ _HERE: Final = (0.0, 0.0, 0.0)
 class Cores:
     """The filters, what they are given, and what they log.
 
-    Args:
-        parts: the vehicle around them.
-        kernel: what their arithmetic runs on.
-        sizes: lengths of their buffers.
-        imus: the IMU of each core, in the order of the cores.
-        differ: whether these IMUs differ.
-        has_camera: whether there is visual odometry.
-
-    Attributes:
-        lanes: the filters, one for each core or one for all.
+    ``imus`` has the IMU of each core, in the order of the cores; ``differ`` says whether these differ. In ``lanes`` is
+    a filter for each core, or one for all.
     """
 
     def __init__(

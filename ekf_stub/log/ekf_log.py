@@ -59,13 +59,9 @@ Values = tuple[LogValue, ...]
 
 
 class EkfLog:
-    """Writes the records of a filter's cores, each core's after the other's.
+    """Writes the records of the cores that a filter stands for, each core's after the other's.
 
-    Args:
-        logger: where the records go.
-        get_int: returns an integer parameter by its full name.
-        cores: the numbers of the cores that the filter stands for.
-        primary: returns the number of the primary core.
+    ``get_int`` takes a parameter's full name.
     """
 
     def __init__(
@@ -88,10 +84,7 @@ class EkfLog:
     def is_due(self, now_us: int, is_still: bool | None, *, is_step: bool) -> bool:
         """Return whether :meth:`update` would write anything: not in every frame is it worth making a report.
 
-        Args:
-            now_us: time of the frame.
-            is_still: the answer of the test for standing still, None while the test does not run.
-            is_step: whether the filter has made a step.
+        ``is_still`` is the answer of the test for standing still, None while the test does not run.
         """
         now_ms = now_us // 1000
         if is_still is None:

@@ -15,7 +15,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.sinks import RecordSink
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
-from ekf_stub.log.log_structure import RBOH, REPH, REVH, ROFH, RVOH
+from ekf_stub.log.replay_log_structure import RBOH, REPH, REVH, ROFH, RVOH
 
 _UNFILLED: Final = (np.float32(0),) * 3
 _NO_HEIGHT: Final = 0.0  # FLOW_HGT_OVR, which rovers have
@@ -38,11 +38,7 @@ class ExtNavLog:
     """Writes RVOH, ROFH, REPH, REVH and RBOH, each only when it differs from the one before.
 
     Nothing is written before the estimator's first frame, nor between the opening of a log and the next frame
-    (AP_DAL::start_frame, AP_DAL::WriteLogMessage).
-
-    Args:
-        logger: where the records go.
-        enabled: says whether replay records are wanted (LOG_REPLAY).
+    (AP_DAL::start_frame, AP_DAL::WriteLogMessage). ``enabled`` says whether replay records are wanted (LOG_REPLAY).
     """
 
     def __init__(self, logger: RecordSink, enabled: Callable[[], bool]) -> None:

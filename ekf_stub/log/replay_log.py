@@ -21,7 +21,8 @@ AP_DAL_GPS.cpp, AP_DAL_RangeFinder.cpp, AP_GPS/AP_GPS.cpp.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 from ap_core.cint import u32
 from ap_core.location import Location
@@ -54,7 +55,7 @@ from ekf_stub.log.replay_log_structure import (
     RSO2,
     RSO3,
 )
-from ekf_stub.log.replay_vehicle import Place, SensorSet, VehicleFrame, place_values, vehicle_values
+from ekf_stub.reports.core_report import Three
 
 # Of REV3.Event.
 RESET_HEIGHT_DATUM: Final = 1
@@ -74,12 +75,60 @@ _NO_ACCEL, _NO_GYRO = 1 << 0, 1 << 1
 _ALL_GOOD: Final = 15  # RISI.Flags: accelerometer and gyro are used, and both gave data
 _NOTHING: Final = (0.0,) * 8
 
+EAS2TAS_AT_SEA_LEVEL: Final = 1.0000001192092896
+"""True over equivalent airspeed as the firmware computes it for height zero."""
+
+_AVAILABLE_MEMORY: Final = 524_288  # bytes, as the simulator reports
+_COPTER: Final = 2
+ARMED: Final = 1 << 0  # of RFRN.Flags
+HAS_FLOW: Final = 1 << 4
+TAKEOFF_EXPECTED: Final = 1 << 6
+TOUCHDOWN_EXPECTED: Final = 1 << 7
+
 YAW_ACCURACY_DEG: Final = 10.0
 _UNKNOWN_DOP: Final = 65535
 _VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _LAG, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
 _NOWHERE: Final = (0.0, 0.0, 0.0)
 
 Values = tuple[LogValue, ...]
+Place = tuple[int, int, int]
+
+
+class VehicleFrame(NamedTuple):
+    """What the estimator knows of the vehicle in one frame.
+
+    Attributes:
+        home: None while unset.
+        eas2tas: true over equivalent airspeed at the present height.
+        trim_rad: AHRS_TRIM.
+        ekf_type: AHRS_EKF_TYPE.
+    """
+
+    armed: bool = False
+    takeoff_expected: bool = False
+    touchdown_expected: bool = False
+    has_flow_sensor: bool = False
+    home: Location | None = None
+    eas2tas: float = EAS2TAS_AT_SEA_LEVEL
+    trim_rad: Three = (0.0, 0.0, 0.0)
+    ekf_type: int = 3
+
+
+@dataclass(frozen=True, slots=True)
+class SensorSet:
+    """How many sensors of a kind there are; those of a kind all say the same, except IMUs that differ.
+
+    Attributes:
+        imus: 1..3.
+        compass_offsets: COMPASS_OFS, mGauss.
+        loop_rate_hz: SCHED_LOOP_RATE.
+    """
+
+    imus: int = 2
+    baros: int = 2
+    compasses: int = 3
+    compass_offsets: Three = (0.0, 0.0, 0.0)
+    loop_rate_hz: int = 400
 
 
 class ReplayLog(ExtNavLog):
@@ -92,7 +141,6 @@ class ReplayLog(ExtNavLog):
     what does not change from then on is missing, and the run cannot be repeated.
 
     Args:
-        logger: where the records go.
         enabled: says whether replay records are wanted now: LOG_REPLAY is set, and a log is open.
         fitted: how many sensors there are; two IMUs, two barometers and three compasses unless told otherwise.
         event_order: the records of an event that both filters know, in their order.
@@ -168,7 +216,7 @@ class ReplayLog(ExtNavLog):
         before, self._vehicle = self._vehicle, vehicle
         # The trim may differ in the sign of a zero alone.
         if self._is_first or before is None or vehicle != before or vehicle.trim_rad is not before.trim_rad:
-            self._write_input(RFRN, vehicle_values(vehicle))
+            self._write_input(RFRN, _vehicle_values(vehicle))
 
     def sensors(self, sensors: Sensors, gps: GpsSample | None = None, gps_lag_s: float = 0.0) -> None:
         """Log what the sensors say in this frame; ``gps_lag_s`` is how late a GPS that says nothing would be."""
@@ -261,7 +309,7 @@ class ReplayLog(ExtNavLog):
 
     def origin(self, place: Location) -> None:
         """Log that somebody sets the estimator's origin, whether or not it takes it."""
-        self._origin = place_values(place)
+        self._origin = _place_values(place)
         self._write(RSO2, self._origin)
         self._write(RSO3, self._origin)
 
@@ -298,3 +346,20 @@ def gps_values(gps: GpsSample | None, lag_s: float = 0.0) -> tuple[Values, tuple
     motion = *gps.vel_ned.to_tuple(), gps.speed_accuracy or 0.0
     slow = (*_NOWHERE, gps.lag_s, flags, gps.fix_type, gps.num_sats, 0)
     return (1, 0), (slow, (gps.time_ms, *motion, *yaw, *place, *accuracies, gps.hdop, 0))
+
+
+def _place_values(place: Location | None) -> Place:
+    """Return latitude, longitude and height as the records hold them, zeros for no place."""
+    return (0, 0, 0) if place is None else (u32(place.lat), u32(place.lng), u32(place.alt_cm))
+
+
+def _vehicle_values(vehicle: VehicleFrame) -> tuple[LogValue, ...]:
+    """Return the fields of RFRN."""
+    flags = (
+        vehicle.armed * ARMED
+        | vehicle.has_flow_sensor * HAS_FLOW
+        | vehicle.takeoff_expected * TAKEOFF_EXPECTED
+        | vehicle.touchdown_expected * TOUCHDOWN_EXPECTED
+    )
+    state = vehicle.eas2tas, _AVAILABLE_MEMORY, *vehicle.trim_rad
+    return *_place_values(vehicle.home), *state, _COPTER, vehicle.ekf_type, flags

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Replay records that frame the estimator's inputs (AP_DAL/LogStructure.h)."""
+"""Replay records: what the estimator is given in each frame, and from outside in between (AP_DAL/LogStructure.h)."""
 
 import struct
 from collections.abc import Callable, Sequence
@@ -64,8 +64,21 @@ RMGI: Final = FrameStructure(
     154, "RMGI", "IffffffBBBB", "LU,OX,OY,OZ,FX,FY,FZ,UFY,H,HSF,I", "----------#", "-----------"
 )
 
+RVOH: Final = LogStructure(152, "RVOH", "fffIBB", "OX,OY,OZ,Del,H,Ena", "------", "------")
+ROFH: Final = LogStructure(
+    155, "ROFH", "ffffIffffB", "FX,FY,GX,GY,Tms,PX,PY,PZ,HgtOvr,Qual", "----------", "----------"
+)
+REPH: Final = LogStructure(
+    156, "REPH", "fffffffffIIH", "PX,PY,PZ,Q1,Q2,Q3,Q4,PEr,AEr,TS,RT,D", "------------", "------------"
+)
+REVH: Final = LogStructure(158, "REVH", "ffffIH", "VX,VY,VZ,Er,TS,D", "------", "------")
+RBOH: Final = LogStructure(
+    160, "RBOH", "ffffffffIfffH", "Q,DPX,DPY,DPZ,DAX,DAY,DAZ,DT,TS,OX,OY,OZ,D", "-------------", "-------------"
+)
+
 LOG_STRUCTURE_OF_FRAMES: Final = (
     *(RFRH, RFRF, RFRN, REV2, RSO2, REV3, RSO3, RISH, RISI),
     *(RBRH, RBRI, RRNH, RRNI, RGPH, RGPI, RGPJ, RMGH, RMGI),
 )
-"""In the order of the firmware's table, in which RVOH, ROFH, REPH, REVH and RBOH follow."""
+LOG_STRUCTURE_FROM_DAL: Final = (*LOG_STRUCTURE_OF_FRAMES, RVOH, ROFH, REPH, REVH, RBOH)
+"""In the order of the firmware's table."""

@@ -20,10 +20,8 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.filter.inertial import InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
-from ekf_stub.log.log_structure import RBOH, REPH, REVH, RVOH
-from ekf_stub.log.replay_log import ReplayLog
-from ekf_stub.log.replay_log_structure import LOG_STRUCTURE_OF_FRAMES
-from ekf_stub.log.replay_vehicle import SensorSet, VehicleFrame
+from ekf_stub.log.replay_log import ReplayLog, SensorSet, VehicleFrame
+from ekf_stub.log.replay_log_structure import LOG_STRUCTURE_OF_FRAMES, RBOH, REPH, REVH, RVOH
 from tests.places import DATA
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 

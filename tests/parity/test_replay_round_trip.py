@@ -25,8 +25,7 @@ from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
-from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, ReplayLog
-from ekf_stub.log.replay_vehicle import VehicleFrame
+from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, ReplayLog, VehicleFrame
 from ekf_stub.reports.core_texts import CoreTexts
 from viso.ekf_runs.run import EkfReplay, replay_ekf
 from viso.logs.logger import STRUCTURES, Logger

@@ -27,14 +27,17 @@ from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log import UNINITIALISED
 from ekf_stub.log.replay_log import (
+    ARMED,
     CHECK_LANE_SWITCH,
+    HAS_FLOW,
     REQUEST_YAW_RESET,
     RESET_HEIGHT_DATUM,
     SOURCE_SET_1,
+    TAKEOFF_EXPECTED,
     TERRAIN_STABLE,
     TERRAIN_UNSTABLE,
+    TOUCHDOWN_EXPECTED,
 )
-from ekf_stub.log.replay_vehicle import ARMED, HAS_FLOW, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED
 from ekf_stub.reports.core_report import CoreReport, Three
 from ekf_stub.reports.core_texts import CoreTexts, cores_of_mask
 from viso.ekf_runs.core_inputs import CoreInputs
@@ -71,12 +74,10 @@ class EkfPlayer:
 
     Attributes:
         params: the parameters as the log has them so far.
-        inputs: the sensors.
         place_declination: of the magnetic field at the origin, rad, as far as it is known; None otherwise.
         place_field: that field as the firmware's table of the world has it, Gauss, NED, as far as it is known.
         imus: the IMU of each core that is run, by the core's number; empty before the first frame.
         lanes: the cores, in that order; None until the log says that they have been started.
-        release: what EKF3 does in the log's release.
         slow: RFRF.Slow of the present frame, which has to be told ahead of its records.
     """
 

@@ -15,7 +15,8 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import COMMON_STRUCTURES, MAV, MODE, PARM, LogStructure
 from ap_core.param import ParamTable
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
-from ekf_stub.log.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
+from ekf_stub.log.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3
+from ekf_stub.log.replay_log_structure import LOG_STRUCTURE_FROM_DAL
 from viso.firmware.log_releases import LOG_STRUCTURE_FROM_GPS, OF, RFND
 from viso.logs.files import LogStoreError
 from viso.logs.sink import LogSink
@@ -30,7 +31,7 @@ def _in_firmware_order() -> Iterator[LogStructure]:
             yield from LOG_STRUCTURE_FROM_GPS
         if structure is MODE:
             yield RFND
-            yield from LOG_STRUCTURE_FROM_EKF_STUB
+            yield from (*LOG_STRUCTURE_FROM_DAL, *LOG_STRUCTURE_FROM_EKF3)
         if structure is MAV:
             yield from LOG_STRUCTURE_FROM_VISUALODOM
             yield OF
@@ -49,7 +50,6 @@ class Logger:
     one is tried 5 s later, again and again.
 
     Args:
-        clock: time since boot.
         open_sink: opens the next log; raises LogStoreError. None: no logging at all.
         on_open: called when a log has its start-up block, to write what every log begins with.
         own: returns a layout as the firmware's release has it.

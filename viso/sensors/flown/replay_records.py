@@ -14,7 +14,7 @@ import numpy as np
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.filter.inertial import Array
 from ekf_stub.inputs.imus import MAX_IMUS
-from ekf_stub.log.replay_vehicle import TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED
+from ekf_stub.log.replay_log import TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED
 from viso.logs.recorded import valid_positions
 from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
 from viso.sensors.flown.flight import Basis, Flight, FlownImu, Ints, Readings, chosen, growing, imu_of, readings

@@ -12,9 +12,10 @@ from pymavlink.DFReader import DFReader_binary
 
 from ap_core.log_structure import LogStructure
 from ekf_stub.log.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3, XKFM, XKY0, XKY1
-from ekf_stub.log.log_structure import LOG_STRUCTURE_FROM_EKF_STUB
+from ekf_stub.log.replay_log_structure import LOG_STRUCTURE_FROM_DAL
 from tests.places import DATA
 
+STRUCTURES = (*LOG_STRUCTURE_FROM_DAL, *LOG_STRUCTURE_FROM_EKF3)
 FIRMWARE: dict[str, dict[str, Any]] = json.loads((DATA / "firmware_fmt.json").read_text())["types"]
 # The recorded logs have been reduced, and these are not among what was kept.
 NOT_RECORDED = {XKFM.name, XKY0.name, XKY1.name}
@@ -32,7 +33,7 @@ def described(structure: LogStructure) -> dict[str, object]:
 
 
 def test_layouts_are_the_firmwares() -> None:
-    ours = {structure.name: described(structure) for structure in LOG_STRUCTURE_FROM_EKF_STUB}
+    ours = {structure.name: described(structure) for structure in STRUCTURES}
     assert {name: layout for name, layout in ours.items() if layout != FIRMWARE.get(name)}.keys() == NOT_RECORDED
     assert FIRMWARE.keys().isdisjoint(NOT_RECORDED)
 
@@ -48,7 +49,7 @@ def test_layout_that_no_log_shows_fits_between_its_neighbours() -> None:
 
 
 def test_order_is_that_of_the_firmwares_table() -> None:
-    ours = [structure.name for structure in LOG_STRUCTURE_FROM_EKF_STUB if structure.name in FIRMWARE]
+    ours = [structure.name for structure in STRUCTURES if structure.name in FIRMWARE]
     assert ours == [name for name in FIRMWARE if name in ours]
     ids = [structure.msg_type for structure in LOG_STRUCTURE_FROM_EKF3]
     assert ids == sorted(ids)

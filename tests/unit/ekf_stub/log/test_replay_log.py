@@ -31,9 +31,10 @@ from ekf_stub.log.replay_log import (
     TERRAIN_STABLE,
     TERRAIN_UNSTABLE,
     ReplayLog,
+    SensorSet,
+    VehicleFrame,
     gps_values,
 )
-from ekf_stub.log.replay_vehicle import SensorSet, VehicleFrame
 
 START_US = 3_455_000
 FRAME_US = 2500

@@ -9,7 +9,7 @@ import pytest
 
 from ekf_stub.inputs.flow_ingest import FlowMeasurement
 from ekf_stub.inputs.range_state import FinderState, RangeState
-from ekf_stub.log.replay_vehicle import ARMED, TAKEOFF_EXPECTED
+from ekf_stub.log.replay_log import ARMED, TAKEOFF_EXPECTED
 from viso.ekf_runs.inputs import ReplayInputs, flow_of
 from viso.logs.record_fields import RecordError
 
