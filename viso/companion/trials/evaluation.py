@@ -102,7 +102,7 @@ class AbsoluteError:
 
     Attributes:
         count: poses compared.
-        rmse_m, median_m, max_m: of the distances between the positions.
+        rmse_m: of the distances between the positions.
         path_m: length of the true path over the same time.
         alignment: maps the estimate's frame into the truth's.
         scale: what the estimate should be multiplied with, by a similarity; a diagnostic that nothing else uses.
@@ -110,8 +110,6 @@ class AbsoluteError:
 
     count: int
     rmse_m: float
-    median_m: float
-    max_m: float
     path_m: float
     alignment: SE3
     scale: float
@@ -143,15 +141,7 @@ def absolute_error(estimate: TimedPoses, truth: TimedPoses) -> AbsoluteError:
     estimate, truth = in_common(estimate, truth)
     alignment, scale = umeyama(estimate.positions_xyz, truth.positions_xyz)
     errors = np.linalg.norm(alignment.map(estimate.positions_xyz) - truth.positions_xyz, axis=1)
-    return AbsoluteError(
-        count=len(errors),
-        rmse_m=rms(errors),
-        median_m=float(np.median(errors)),
-        max_m=float(errors.max()),
-        path_m=truth.path_length_m(),
-        alignment=alignment,
-        scale=scale,
-    )
+    return AbsoluteError(len(errors), rms(errors), truth.path_length_m(), alignment, scale)
 
 
 def in_common(estimate: TimedPoses, truth: TimedPoses) -> tuple[TimedPoses, TimedPoses]:

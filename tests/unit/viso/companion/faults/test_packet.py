@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames by their headers, and frames packed again."""
+"""Frames by their headers, frames packed again, and frames cut out of bytes."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
 from tests.unit.viso.companion.faults.rig import BEAT, decoded, encoded, every_kind, odometry, passed_over, position
-from viso.companion.faults.packet import NO_FRAME, PassedOver, decode, pack, read_packet
+from viso.companion.faults.packet import NO_FRAME, FrameSplitter, PassedOver, decode, pack, read_packet
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -69,3 +69,29 @@ def test_packing_keeps_ids_and_sequence_number() -> None:
     packet = decode(read_packet(frames[257]))
     header, message = decoded(pack(replace(packet, message=HEARTBEAT(1, 2, 3, 4, 5, 3))).frame)
     assert (header.system_id, header.component_id, header.sequence, message.type) == (33, 44, 1, 1)
+
+
+SENT = encoded(BEAT, odometry(), BEAT)
+
+
+def test_each_frame_is_a_piece_however_it_arrives() -> None:
+    splitter, data = FrameSplitter(), b"".join(SENT)
+    assert splitter.feed(data) == SENT
+    assert [piece for byte in data for piece in splitter.feed(bytes([byte]))] == SENT
+    assert splitter.unread_bytes == 0
+
+
+def test_rest_of_a_frame_is_waited_for() -> None:
+    splitter = FrameSplitter()
+    assert splitter.feed(SENT[0] + SENT[1][:50]) == [SENT[0]]
+    assert splitter.unread_bytes == 50
+    assert splitter.feed(SENT[1][50:]) == [SENT[1]]
+
+
+@given(st.lists(st.one_of(st.binary(max_size=30), st.sampled_from([*SENT, SENT[1][:70], b"\xfd", b"\xfe\x03"]))))
+def test_no_byte_gets_lost_or_out_of_order(parts: list[bytes]) -> None:
+    splitter = FrameSplitter()
+    pieces = b"".join(piece for part in parts for piece in splitter.feed(part))
+    fed = b"".join(parts)
+    assert fed.startswith(pieces)
+    assert len(fed) - len(pieces) == splitter.unread_bytes
