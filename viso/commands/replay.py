@@ -173,13 +173,13 @@ def replay(
     profile = chosen or firmware_of_recording(stream)
     files = [*preset_files(preset), *(defaults or [])]
     recorded = params_of_recording(stream)
-    settings = {**recorded, **load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=profile)}
+    loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=profile)
     assigned = parse_assignments(param or [], "--param", links=1, firmware=profile)
     imu = of_stream(imu, stream_file)
     with_filter = with_filter or (imu or "").startswith(FLOWN)
-    assumed = _assumed(stream, {*settings, *assigned}) if with_filter and ahrs is None else []
+    assumed = _assumed(stream, {*recorded, *loaded, *assigned}) if with_filter and ahrs is None else []
     recorded = {**recorded, **{one.name: one.value for one in assumed}}
-    settings = {**settings, **{one.name: one.value for one in assumed}}
+    settings = {**recorded, **loaded, **assigned}
     changes = parse_assignments(changed or [], "--set", links=1, firmware=profile)
     uart_rate = (stream.baud if baud is None else baud) or None
     if uart_rate is not None and uart_rate < 0:
@@ -189,9 +189,9 @@ def replay(
     choice = AhrsChoice(ahrs, imu, imu_error, imu_seed, heading)
     make_ahrs = ahrs_maker(choice, "follow" if with_filter else "bench")
     setup = ReplaySetup(make_ahrs, uart_rate, with_filter, profile)
-    runs = [_Run({**settings, **assigned}, setup)]
+    runs = [_Run(settings, setup)]
     if changes:
-        runs.append(_Run({**settings, **assigned, **changes}, setup))
+        runs.append(_Run({**settings, **changes}, setup))
     elif other is not None:
         # Files are read again, as the other firmware may call their parameters otherwise.
         loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=other)

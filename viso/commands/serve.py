@@ -232,14 +232,14 @@ def serve(
     with ExitStack() as stack:
         links = [stack.enter_context(closing(open_link(name))) for name in names]
         streams = _open_streams(verdicts, verdicts_file, stack)
-        graph = None if dds is None else _enter_domain(dds, stack)
-        title = f"{config.firmware.banner} on {', '.join([*names, *(() if graph is None else [graph.name])])}"
+        graphs = [] if dds is None else [_enter_domain(dds, stack)]
+        title = f"{config.firmware.banner} on {', '.join([*names, *(graph.name for graph in graphs)])}"
         view = None if web is None else _open_view(web, links, title, speedup, stack)
         feeds = [] if view is None else [view.feed]
         takers = [*(stream.take for stream in streams), *(feed.take for feed in feeds)]
         filter_takers = [*(stream.take_outcome for stream in streams), *(feed.take_outcome for feed in feeds)]
         report = LiveReport(console, takers, filter_takers)
-        if graph is not None:
+        for graph in graphs:
             graph.listeners = [report.take]
 
         def watch(vehicle: Vehicle) -> None:
@@ -254,13 +254,13 @@ def serve(
         console.print(f"{title}; {_profile_text(profile)}; logs in {log_dir}; Ctrl-C ends")
         for link in filter(is_open_to_network, links):
             console.print(f"{link.name} is open to the network; whoever reaches it can command the vehicle")
-        if graph is not None:
+        for graph in graphs:
             console.print(f"{graph.name} is open to all who are on this domain; they can command the vehicle")
         if view is not None:
             console.print(view.introduction)
 
         def message_counts() -> Counter[CountKey]:
-            return Counter(powered.verdict_counts()) + (Counter() if graph is None else graph.counts)
+            return sum((graph.counts for graph in graphs), Counter(powered.verdict_counts()))
 
         counted = message_counts, powered.filter_counts
         period_us = int(REFRESH_US * speedup)
@@ -277,8 +277,7 @@ def serve(
         stack.enter_context(long_lived())
         if isinstance(powered.vehicle.ahrs, Ekf3Ahrs):
             stack.enter_context(loading_beside())
-        beside = [] if graph is None else [graph]
-        pacer = Pacer(powered, links if view is None else view.links, speedup=speedup, beside=beside)
+        pacer = Pacer(powered, links if view is None else view.links, speedup=speedup, beside=graphs)
         pacer.run(is_over, until_us=until_us)
     losses = [f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()]
     if param_store.failure:

@@ -18,11 +18,8 @@ class Tolerance(NamedTuple):
     """By how much some fields of a kind of recording may differ.
 
     Attributes:
-        kind: of recording.
         fields: as ``RECORD.Label``.
         within: the most, in ``unit``; of an answer's numbers, a share.
-        unit: of both.
-        reason: why it is not exact.
         backends: values of VISO_TYPE for which it holds; empty for all.
         is_angle: whether a full turn is nothing.
         is_rms: whether the root of the mean square of a log's records is meant, and not each record.
@@ -92,7 +89,6 @@ class TextException(NamedTuple):
         messages: how many it has, which with the name tells it from others.
         recorded: texts that the autopilot sent and viso does not send.
         ours: texts that viso sends and the autopilot did not send.
-        reason: why.
     """
 
     name: str

@@ -129,10 +129,7 @@ def remove_stale_drafts(path: Path) -> None:
 class _Draft:
     """A file that is to take the place of another; in the place of a device or a pipe it is that itself.
 
-    A link to the file stays a link: what it points to is replaced.
-
-    Attributes:
-        descriptor: open for writing until ``discard``.
+    A link to the file stays a link: what it points to is replaced. ``descriptor`` is open until ``discard``.
     """
 
     def __init__(self, path: Path, mode: int | None = None) -> None:

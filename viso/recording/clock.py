@@ -12,11 +12,9 @@ _REAL_TIME: Final = 0.15
 
 
 class AutopilotClock:
-    """When the autopilot booted, and how fast its time runs, by the recorder's clock.
+    """When the autopilot booted, by the recorder's clock, None until an answer has come, and how fast its time runs.
 
-    Attributes:
-        boot_us: the recorder's time of its boot; None until an answer has come.
-        boots: how often its clock has started again.
+    ``boots`` counts how often its clock has started again.
     """
 
     def __init__(self) -> None:

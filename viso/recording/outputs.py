@@ -74,10 +74,7 @@ def _short(value: float) -> float:
 
 
 def write_recording(folder: Path, recording: Recording) -> list[str]:
-    """Write all files of a recording, and return their names.
-
-    Raises InputError if one cannot be written.
-    """
+    """Write all files of a recording, and return their names. Raises InputError if one cannot be written."""
     handled, unmatched = match(recording.sent, vision_records(recording.log) if recording.log else ())
     contents: dict[str, Iterable[str] | bytes] = {
         ".json": [json.dumps(_summary(recording, handled, unmatched), indent=1), "\n"],
@@ -172,20 +169,18 @@ def _parm(recording: Recording) -> list[str]:
 
 def _summary(recording: Recording, handled: list[Handled], unmatched: int) -> dict[str, object]:
     version = recording.version
-    made = sum(len(one.records) for one in handled)
+    fields = () if version is None else dataclasses.fields(version)
     return {
         "name": recording.scenario.name,
         "about": recording.scenario.about,
         "complete": not recording.problems,
         "problems": recording.problems,
         "firmware": version_text(recording),
-        "version": None
-        if version is None
-        else {one.name: _plain(getattr(version, one.name)) for one in dataclasses.fields(version)},
+        "version": {one.name: _plain(getattr(version, one.name)) for one in fields} or None,
         "set": recording.set_params,
         "differ": {name: _short(value) for name, value in differing(recording).items()},
         "messages": len(recording.sent),
-        "records": made,
+        "records": sum(len(one.records) for one in handled),
         "records_of_no_message": unmatched,
         "questions": len(recording.exchanges),
         "events": [{"time_us": time_us, "event": text} for time_us, text in recording.events],

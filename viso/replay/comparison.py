@@ -67,15 +67,11 @@ class TextChange(NamedTuple):
 
 @dataclass(frozen=True)
 class ReplayComparison:
-    """What differs between two replays.
+    """What differs between two replays: in counts, about single messages, in their log records, in what was said.
 
     Attributes:
-        verdicts: counts by message that differ.
-        samples: counts by sample in the filter that differ.
-        messages: what differs about single messages, in their order.
         first_record: number of the first message whose log records differ; None if there is none.
         records: of how many messages the log records differ.
-        texts: what was said in one of the two only, or at another time.
         aiding_before, aiding_after: how the filter navigated in one of the two only.
     """
 

@@ -156,7 +156,7 @@ class Replay:
 
     def _deliver(self, batch: Sequence[StreamMessage]) -> None:
         self._arrival_us = arrival_us = batch[0].arrival_us
-        time_us = self._first_arrival_us() if arrival_us is None else arrival_us
+        time_us = self._stream.begins_us if arrival_us is None else arrival_us
         self._wait_until(max(time_us, self._scheduler.now_us))
         read_us = time_us - READ_BEFORE_HANDLING_US if self._stream.shared_arrival else None
         self._scheduler.deliver(self._channel, b"".join(message.frame for message in batch), read_us=read_us)
@@ -169,14 +169,11 @@ class Replay:
         while time_us - self._scheduler.now_us > LONGEST_SILENCE_US:
             self._run_until(self._scheduler.now_us + SILENCE_BEGIN_US)
             again_us = time_us - SILENCE_END_US
-            if self._is_at_rest(again_us):
+            source = self._vehicle.ahrs.source
+            if source is None or source.is_at_rest(again_us):
                 self._scheduler.pass_over(again_us)
                 self._silences_us.append((silent_us, time_us - silent_us))
         self._run_until(time_us)
-
-    def _is_at_rest(self, until_us: int) -> bool:
-        source = self._vehicle.ahrs.source
-        return source is None or source.is_at_rest(until_us)
 
     def _run_until(self, time_us: int) -> None:
         if self._watch is not None and self._scheduler.period_us == LOOP_PERIOD_US:
@@ -195,9 +192,6 @@ class Replay:
             message = self._handled.popleft().message
             self._fates.forget(message.samples or ())
             yield message
-
-    def _first_arrival_us(self) -> int:
-        return next((m.arrival_us for m in self._stream.messages if m.arrival_us is not None), 0)
 
 
 def batches(stream: Stream) -> Iterator[tuple[StreamMessage, ...]]:

@@ -145,14 +145,9 @@ class _ByTime:
 
 
 class Judge:
-    """Follows a replay and gives its row of figures.
+    """Follows a replay and gives its row of figures; ``truth`` is where the vehicle was, by times since boot.
 
-    Args:
-        truth: where the vehicle was, by times since boot; None if that is not known.
-
-    Attributes:
-        basis: what the vehicle's motion is made of, and
-        notes: how, if it flies a log again.
+    ``basis`` is what the vehicle's motion is made of, and ``notes`` tell how, if it flies a log again.
     """
 
     def __init__(self, truth: TimedPoses | None = None) -> None:

@@ -83,13 +83,11 @@ class PoweredVehicle:
         # What a client has set otherwise since is what it expects to find after the restart.
         config = self._config
         overrides = {name: to for name, to in config.overrides.items() if self._value(name) == self._overridden[name]}
-        self._config = replace(config, overrides=overrides, boot_utc_us=self._next_boot_utc_us())
+        # Only a clock that was right at boot runs on; one that was set by GPS or MAVLink is lost.
+        boot_utc_us = self.vehicle.rtc.utc_us() if config.boot_utc_us else 0
+        self._config = replace(config, overrides=overrides, boot_utc_us=boot_utc_us)
         self._start()
         return True
-
-    def _next_boot_utc_us(self) -> int:
-        # Only a clock that was right at boot runs on; one that was set by GPS or MAVLink is lost.
-        return self.vehicle.rtc.utc_us() if self._config.boot_utc_us else 0
 
     def verdict_counts(self) -> dict[CountKey, int]:
         """Return how often each message type met each verdict, over all links and restarts."""

@@ -86,8 +86,7 @@ Record = PoseRecord | VelocityRecord | DeltaRecord
 class Rebuilder:
     """Makes messages of records, by the VISO_ parameters of their time.
 
-    Attributes:
-        aligned: whether the backend has aligned the camera's yaw, from where on VISO_ORIENT is in its attitudes.
+    Once the backend has ``aligned`` the camera's yaw, VISO_ORIENT is in its attitudes.
     """
 
     def __init__(self) -> None:

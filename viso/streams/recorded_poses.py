@@ -134,15 +134,12 @@ def _arrivals_us(records: Records, stamp_us: Times) -> Times:
     step = np.diff(stamp_us)
     usual = float(np.median(step[step > 0])) if (step > 0).any() else _USUAL_US
     # Times of another unit: a camera gives a pose every few ms, not every half a minute.
-    scale = next((factor for factor in (1.0, 1e-3, 1e3, 1e-6, 1e6) if _is_likely(usual * factor)), 0.0)
+    scales = (1.0, 1e-3, 1e3, 1e-6, 1e6)
+    scale = next((factor for factor in scales if _QUICKEST_US <= usual * factor <= _SLOWEST_US), 0.0)
     period = usual * scale if scale else _USUAL_US
     taken = np.where((step > 0) & (step * scale < _LONGEST_GAP_US), step * scale, period) if scale else period
     steps = np.broadcast_to(np.asarray(taken, dtype=np.float64), step.shape)
     return np.concatenate([[0], np.cumsum(np.rint(steps).astype(np.int64))]).astype(np.int64)
-
-
-def _is_likely(period_us: float) -> bool:
-    return _QUICKEST_US <= period_us <= _SLOWEST_US
 
 
 def _lacks(records: Records) -> frozenset[Aspect]:

@@ -43,12 +43,11 @@ def _all_params(stream: Stream, end: int) -> dict[str, float]:
 
 
 def _part(stream: Stream, start: int, end: int) -> Stream:
-    first_us = next((one.arrival_us for one in stream.messages if one.arrival_us is not None), 0)
-    begins_us = next((one.arrival_us for one in stream.messages[start:end] if one.arrival_us is not None), first_us)
-    by_us = begins_us - first_us
+    part = stream.messages[start:end]
+    begins_us = next((one.arrival_us for one in part if one.arrival_us is not None), stream.begins_us)
+    by_us = begins_us - stream.begins_us
     messages = tuple(
-        StreamMessage(None if one.arrival_us is None else one.arrival_us - by_us, one.frame)
-        for one in stream.messages[start:end]
+        StreamMessage(None if one.arrival_us is None else one.arrival_us - by_us, one.frame) for one in part
     )
     params = stream.params or (_all_params(stream, start) if start else {})
     return replace(stream, messages=messages, params=params)
@@ -81,14 +80,11 @@ def one_session(stream: Stream, number: int | None = None) -> Stream:
     counts = [vision_count(one) for one in sessions]
     chosen = counts.index(max(counts)) if number is None else number - 1
     before = sum(len(one.messages) for one in sessions[:chosen])
-    parts = ", ".join(str(count) for count in counts)
+    parts = ", ".join(map(str, counts))
+    often = "once" if len(sessions) == 2 else f"{len(sessions) - 1} times"
     note = (
-        f"{stream.name}: the autopilot was rebooted, its time falls back {_often(len(sessions) - 1)}; session "
+        f"{stream.name}: the autopilot was rebooted, its time falls back {often}; session "
         f"{chosen + 1} of {len(sessions)} is looked at (--session), from message {before + 1} of the file on, which "
         f"counts as 1; messages of external navigation in each: {parts}"
     )
     return replace(sessions[chosen], notes=(*stream.notes, note))
-
-
-def _often(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"

@@ -56,6 +56,11 @@ class Stream:
     lacks: frozenset[Aspect] = frozenset()
     flown: FlownVersion | None = None
 
+    @property
+    def begins_us(self) -> int:
+        """When the first message arrived of which that is known, us since boot; 0 if there is none."""
+        return next((one.arrival_us for one in self.messages if one.arrival_us is not None), 0)
+
 
 def received_in(stream: Stream, kinds: Collection[type[Message]] | None = None) -> Iterator[tuple[int, Received]]:
     """Yield what is in each message of a stream, with the message's number from 0; bytes that are no frame are not.
@@ -82,7 +87,7 @@ def message_id_of(frame: bytes) -> int:
 
 def timed_frames(stream: Stream) -> Iterator[tuple[int, bytes]]:
     """Yield times in us since boot and frames; a time that is not known is taken to be that of the message before."""
-    time_us = next((message.arrival_us for message in stream.messages if message.arrival_us is not None), 0)
+    time_us = stream.begins_us
     for message in stream.messages:
         time_us = time_us if message.arrival_us is None else message.arrival_us
         yield time_us, message.frame

@@ -44,8 +44,6 @@ class Recorded:
     """A recorded stream and what belongs to it.
 
     Attributes:
-        name: of the stream, for the table.
-        file: of the stream.
         imu: the source of its inertial data, as of ``--imu``.
         others: files that the replay reads as well: of sensors, attitude, reference.
         ahrs: the log whose attitude is followed in place of a filter, if any.

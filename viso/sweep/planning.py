@@ -41,7 +41,8 @@ def make_plan(wishes: Wishes) -> SweepPlan:
     """Return the plan that wishes lead to; all files are looked at. Raises InputError naming what cannot be used."""
     if not wishes.streams:
         raise InputError("no recorded stream is given")
-    profiles = [firmware_of(name) for name in _split(wishes.firmware) or [REFERENCE.name]]
+    names = [name.strip() for text in wishes.firmware or () for name in text.split(",")]
+    profiles = [firmware_of(name) for name in names or [REFERENCE.name]]
     axes = _axes(wishes, profiles)
     trajectory = _trajectory(wishes)
     imu_options(AhrsChoice(imu_errors=wishes.imu_error, heading_deg=wishes.heading or 0.0))
@@ -63,10 +64,6 @@ def make_plan(wishes: Wishes) -> SweepPlan:
     )
     check_plan(plan)
     return plan
-
-
-def _split(names: Sequence[str] | None) -> list[str]:
-    return [name.strip() for text in names or () for name in text.split(",")]
 
 
 def _axes(wishes: Wishes, profiles: Sequence[Firmware]) -> tuple[Axis, ...]:
@@ -186,8 +183,7 @@ def _sampling(wishes: Wishes) -> Sampling | None:
         raise InputError(f"--sample {wishes.sample}: there are {', '.join(SAMPLINGS)}")
     if wishes.points is None:
         raise InputError(f"--sample {wishes.sample}: --points tells how many")
-    points = _at_least("--points", wishes.points, 1)
-    seed = _at_least("--sample-seed", wishes.sample_seed, 0)
+    points, seed = _at_least("--points", wishes.points, 1), _at_least("--sample-seed", wishes.sample_seed, 0)
     return Sampling(wishes.sample, points or 1, seed or 0)
 
 

@@ -88,7 +88,7 @@ def innovation_rows(innovations: Mapping[str, Innovations]) -> list[dict[str, ob
 
 def aiding_table(spans: Sequence[AidingSpan]) -> Table:
     """Return a table of when the filter navigated by what."""
-    right = [Column(name, justify="right") for name in ("from", "to")]
+    right = Column("from", justify="right"), Column("to", justify="right")
     table = Table(*right, "by", title="By what the filter navigated (a model's)")
     for span in spans:
         table.add_row(f"{span.start_us / 1e6:.3f} s", f"{span.end_us / 1e6:.3f} s", _MODES[span.mode])

@@ -16,9 +16,7 @@ PATIENCE_S: Final = 2.0
 class LineWriter:
     """Writes lines to a descriptor, which stays open; a line that finds too many waiting is lost, and counted.
 
-    Attributes:
-        lost: how many lines were not written; complete after ``close``.
-        error: why writing has ended, if it has; everything after that is lost.
+    The count is complete after ``close``. An ``error`` has ended the writing, and everything after it is lost.
     """
 
     def __init__(self, descriptor: int, *, limit: int = LINES_WAITING) -> None:

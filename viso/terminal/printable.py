@@ -16,11 +16,7 @@ def printable(text: str) -> str:
 
 
 class PrintableStream:
-    """A stream of text that makes printable what is written to it.
-
-    Attributes:
-        rich_proxied_file: the stream itself, where rich writes the escapes that are its own.
-    """
+    """A stream of text that makes printable what is written to it; rich writes its own escapes to the stream itself."""
 
     def __init__(self, stream: TextIO) -> None:
         self.rich_proxied_file = stream

@@ -64,10 +64,7 @@ class Claim:
 
 
 def make_claim(outcome: Outcome, message: str | type[Message] | None, reason: str | None, count: int | None) -> Claim:
-    """Return a claim.
-
-    Raises ValueError for an unknown message or rule, a rule of another outcome, or a negative count.
-    """
+    """Return a claim. Raises ValueError for an unknown message or rule, one of another outcome, or a negative count."""
     name = message if message is None or isinstance(message, str) else message.__name__
     if name is not None and name not in (_NO_FRAME, UNKNOWN_NAME):
         _check_message_name(name)
@@ -139,11 +136,9 @@ def what_became(verdicts: Sequence[MessageVerdict]) -> str:
 
 
 def check_fused(verdicts: Sequence[MessageVerdict], kind: str, count: int | None) -> None:
-    """Raise AssertionError unless the filter fused samples of a kind.
+    """Raise AssertionError, with the outcome of samples, unless the filter fused so many of a kind.
 
-    Raises:
-        ValueError: there is no such kind, or the count is negative.
-        AssertionError: too few or too many; the text tells the outcome of samples.
+    Raises ValueError if there is no such kind, or the count is negative.
     """
     if kind not in KINDS:
         raise ValueError(f"kind {kind!r}: no such kind of sample; there are {', '.join(KINDS)}")
