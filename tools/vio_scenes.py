@@ -20,7 +20,7 @@ from viso.companion.vio.types import CameraCalibration, NavCameraFrame, Pixels, 
 from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import hover, nadir_survey, room_tour
-from viso.companion.world.places import Hills, Room
+from viso.companion.world.scenery import Hills, Room
 from viso.companion.world.texture import GroundTexture, to_pixels
 
 Flights = Callable[[int], SyntheticFlight]

@@ -71,26 +71,29 @@ def bag_records(path: Path, topic: str | None) -> Records:
 
     Raises TrajectoryError if the bag cannot be read, rosbags is missing, or the topic is not clear.
     """
-    with one_line_errors(path, TrajectoryError):
+    with opened_bag(path, TrajectoryError) as reader:
+        connections = _transforming(reader.connections, topic)
+        chosen = connections or _choose(path, reader.connections, topic)
+        messages = (
+            (time_ns, connection.msgtype, reader.deserialize(data, connection.msgtype))
+            for connection, time_ns, data in reader.messages(chosen)
+        )
+        return collect(str(path), _of_frames(path, messages, topic or "/tf") if connections else messages)
+
+
+@contextmanager
+def opened_bag(path: Path, error_type: type[Exception]) -> Iterator[Any]:
+    """Open a bag with rosbags' AnyReader, and turn whatever reading raises into one line that names the file.
+
+    An error of that type passes as it is.
+    """
+    try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
         # Old bags of ROS 2 do not hold their types.
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            connections = _transforming(reader.connections, topic)
-            chosen = connections or _choose(path, reader.connections, topic)
-            messages = (
-                (time_ns, connection.msgtype, reader.deserialize(data, connection.msgtype))
-                for connection, time_ns, data in reader.messages(chosen)
-            )
-            return collect(str(path), _of_frames(path, messages, topic or "/tf") if connections else messages)
-
-
-@contextmanager
-def one_line_errors(path: Path, error_type: type[Exception]) -> Iterator[None]:
-    """Turn whatever reading a bag raises into one line that names the file; such an error passes as it is."""
-    try:
-        yield
+            yield reader
     except error_type:
         raise
     except ModuleNotFoundError as error:

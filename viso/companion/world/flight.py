@@ -5,7 +5,7 @@
 import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -23,8 +23,10 @@ from viso.companion.vio.types import (
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.imu import DEFAULT_RATE_HZ, SimulatedImu, default_bias
 from viso.companion.world.motion import Trajectory, nadir_survey
-from viso.companion.world.places import Place
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
+
+if TYPE_CHECKING:
+    from viso.companion.world.scenery import Place
 
 DEFAULT_FRAME_RATE_HZ: Final = 10 / 3
 CAMERA_ID: Final = "synthetic"
@@ -82,7 +84,7 @@ class SyntheticFlight:
     seed: int = 0
     trajectory: Trajectory = field(default_factory=nadir_survey)
     texture: GroundTexture = field(default_factory=generate_texture)
-    place: Place | None = None
+    place: "Place | None" = None
     calibration: CameraCalibration = field(default_factory=nadir_calibration)
     duration_s: float = 60.0
     start_ns: int = 0

@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a camera sees of hills and of a room. Needs OpenCV."""
+"""Where a flight may be other than over flat ground, and what a camera sees there: hills, a room. Needs OpenCV."""
 
+import math
 from collections.abc import Callable
-from typing import Final, cast
+from dataclasses import dataclass
+from typing import Final, Protocol, cast
 
 import cv2
 import numpy as np
@@ -17,9 +19,23 @@ from viso.companion.world.texture import GroundTexture
 _STEP_PX: Final = 4  # hills bend little from one pixel to the next: rays are met only so often
 _MEETINGS: Final = 12  # iterations until a ray has met a slope
 _ROOM_SCALE: Final = 1 / 6
+_WAVES_M: Final = (90.0, 140.0)  # lengths of the hills, from and to
+_WAVES: Final = 4
 _NO_MAP: Final = np.empty(0)
 
 Rays = npt.NDArray[np.float64]
+
+
+class Place(Protocol):
+    """What a camera sees, and how high the ground is."""
+
+    def renderer(
+        self, texture: GroundTexture, calibration: CameraCalibration, seed: int, noise_sigma: float
+    ) -> Renderer:
+        """Return what makes pictures of it; needs OpenCV."""
+
+    def ground_m(self, east_m: Array, north_m: Array) -> Array:
+        """Return how high the ground is, z of the world in m, at places of any shape."""
 
 
 class HillsRenderer(Renderer):
@@ -102,6 +118,47 @@ class RoomRenderer(Renderer):
         at[..., 0] = to_picture[0, 0] * across + (0.13 + 0.31 * face) % 1 * columns
         at[..., 1] = to_picture[1, 1] * along + (0.29 + 0.47 * face) % 1 * rows
         return as_bytes(cv2.remap(picture.pixels, at, _NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT))
+
+
+@dataclass(frozen=True, slots=True)
+class Hills:
+    """Ground that rolls up and down about z = 0, by at most ``height_m``."""
+
+    height_m: float = 8.0
+    seed: int = 0
+
+    def renderer(
+        self, texture: GroundTexture, calibration: CameraCalibration, seed: int, noise_sigma: float
+    ) -> Renderer:
+        return HillsRenderer(self.ground_m, texture, calibration, seed, noise_sigma)
+
+    def ground_m(self, east_m: Array, north_m: Array) -> Array:
+        rng = np.random.default_rng([self.seed, 10])
+        lengths, courses = rng.uniform(*_WAVES_M, _WAVES), rng.uniform(0, math.pi, _WAVES)
+        phases = rng.uniform(0, 2 * math.pi, _WAVES)
+        up = np.zeros_like(east_m)
+        for length, course, phase in zip(lengths, courses, phases, strict=True):
+            turn = 2 * math.pi / length
+            up = up + np.sin(turn * math.cos(course) * east_m + turn * math.sin(course) * north_m + phase)
+        return self.height_m * np.tanh(up / math.sqrt(_WAVES))
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """A room about the origin, its floor at z = 0; walls, floor and ceiling bear the texture, a sixth as large.
+
+    Its size is that to the east, to the north, and up.
+    """
+
+    size_m: tuple[float, float, float] = (8.0, 6.0, 3.5)
+
+    def renderer(
+        self, texture: GroundTexture, calibration: CameraCalibration, seed: int, noise_sigma: float
+    ) -> Renderer:
+        return RoomRenderer(self.size_m, texture, calibration, seed, noise_sigma)
+
+    def ground_m(self, east_m: Array, north_m: Array) -> Array:
+        return np.zeros_like(east_m)
 
 
 def _rays(calibration: CameraCalibration) -> Rays:

@@ -17,7 +17,7 @@ from viso.companion.landmarks.inputs.base import LARGEST_M, LARGEST_S, InputFile
 from viso.companion.landmarks.inputs.json_lines import JsonReader
 from viso.companion.landmarks.inputs.poses import pose_from_enu, pose_from_ned, rotation_of_quat
 from viso.companion.landmarks.types import CameraInfo, Event, GeodeticPoint, GlobalFix
-from viso.companion.recorded.bag_formats import one_line_errors
+from viso.companion.recorded.bag_formats import opened_bag
 
 STRING: Final = "std_msgs/msg/String"
 POSES: Final = frozenset(
@@ -63,18 +63,13 @@ class BagFile:
 
     def events(self) -> Iterator[Event]:
         """Yield what the bag tells. Raises InputFileError if it cannot be read, or has none of the topics."""
-        with one_line_errors(self._path, InputFileError):
-            from rosbags.highlevel import AnyReader
-            from rosbags.typesys import Stores, get_typestore
-
-            # Old bags of ROS 2 do not hold their types.
-            with AnyReader([self._path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-                for connection, time_ns, data in reader.messages(self._chosen(reader.connections)):
-                    message = reader.deserialize(data, connection.msgtype)
-                    events: list[Event] = []
-                    with counted(self.refused):
-                        events = self._readers[connection.msgtype](time_ns * 1e-9, message)
-                    yield from events
+        with opened_bag(self._path, InputFileError) as reader:
+            for connection, time_ns, data in reader.messages(self._chosen(reader.connections)):
+                message = reader.deserialize(data, connection.msgtype)
+                events: list[Event] = []
+                with counted(self.refused):
+                    events = self._readers[connection.msgtype](time_ns * 1e-9, message)
+                yield from events
 
     def _chosen(self, connections: list[Any]) -> list[Any]:
         chosen = [c for c in connections if c.msgtype in _TOPICS.get(c.topic, ())]

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an aircraft tells piece by piece: each report of a position takes along what is still fresh of the rest."""
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,18 +10,16 @@ from viso.companion.landmarks.types import AircraftReport
 
 HELD_S: Final = 15.0
 """An altitude or velocity older than this says nothing of a position any more."""
+_UNTOLD: Final = (0.0, 0.0, 0.0)  # speed, heading and vertical rate
 
 
 @dataclass(slots=True)
 class _Aircraft:
-    altitude_s: float = float("-inf")
-    altitude_ft: float | None = None
-    is_baro: bool = True
-    motion_s: float = float("-inf")
-    speed_kt: float = 0.0
-    heading_deg: float = 0.0
-    vertical_rate_ft_min: float = 0.0
-    heard_s: float = float("-inf")
+    """When it was heard of, and since when it has told which altitude (in ft, barometric or not) and which motion."""
+
+    heard_s: float = -math.inf
+    altitude: tuple[float, float | None, bool] = (-math.inf, None, True)
+    motion: tuple[float, tuple[float, float, float]] = (-math.inf, _UNTOLD)
 
 
 class HeldReports:
@@ -31,31 +30,22 @@ class HeldReports:
 
     def altitude(self, t_s: float, icao: str, altitude_ft: float | None, *, is_baro: bool = True) -> None:
         """Take an altitude; None for an aircraft on the ground, or one that does not know."""
-        aircraft = self._of(t_s, icao)
-        aircraft.altitude_s, aircraft.altitude_ft, aircraft.is_baro = t_s, altitude_ft, is_baro
+        self._of(t_s, icao).altitude = t_s, altitude_ft, is_baro
 
     def motion(self, t_s: float, icao: str, speed_kt: float, heading_deg: float, vertical_rate_ft_min: float) -> None:
         """Take a velocity."""
-        aircraft = self._of(t_s, icao)
-        aircraft.motion_s, aircraft.speed_kt, aircraft.heading_deg = t_s, speed_kt, heading_deg
-        aircraft.vertical_rate_ft_min = vertical_rate_ft_min
+        self._of(t_s, icao).motion = t_s, (speed_kt, heading_deg, vertical_rate_ft_min)
 
     def report(self, t_s: float, icao: str, latitude_deg: float, longitude_deg: float) -> AircraftReport:
         """Return the report of a position. Raises ValueError as that does."""
         aircraft = self._of(t_s, icao)
-        fresh = abs(t_s - aircraft.altitude_s) <= HELD_S
-        moves = abs(t_s - aircraft.motion_s) <= HELD_S
-        return AircraftReport(
-            t_s,
-            icao,
-            latitude_deg,
-            longitude_deg,
-            aircraft.altitude_ft if fresh else None,
-            aircraft.speed_kt if moves else 0.0,
-            aircraft.heading_deg if moves else 0.0,
-            aircraft.vertical_rate_ft_min if moves else 0.0,
-            aircraft.is_baro if fresh else True,
-        )
+        altitude_s, altitude_ft, is_baro = aircraft.altitude
+        motion_s, motion = aircraft.motion
+        if abs(t_s - altitude_s) > HELD_S:
+            altitude_ft, is_baro = None, True
+        if abs(t_s - motion_s) > HELD_S:
+            motion = _UNTOLD
+        return AircraftReport(t_s, icao, latitude_deg, longitude_deg, altitude_ft, *motion, is_baro)
 
     def _of(self, t_s: float, icao: str) -> _Aircraft:
         if icao not in self._aircraft:

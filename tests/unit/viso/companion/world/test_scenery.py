@@ -12,8 +12,8 @@ pytest.importorskip("cv2")
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.se3 import SE3
 from viso.companion.world.flight import nadir_calibration
-from viso.companion.world.places import Hills, Room
 from viso.companion.world.renderer import PlaneRenderer, Renderer
+from viso.companion.world.scenery import Hills, Room
 from viso.companion.world.texture import GroundTexture
 
 CALIBRATION = dataclasses.replace(nadir_calibration(160, 120, 125.0), B_T_C=SE3(MOUNTINGS["nadir"], np.zeros(3)))
