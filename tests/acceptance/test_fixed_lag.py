@@ -83,4 +83,5 @@ class TestClip:
         assert 0.2 < fly_clip(NAME, 0).relative_nees() < 3
 
     def test_it_gives_the_same_bytes_again(self) -> None:
-        assert trace_of(fly_clip_again(NAME, 0)) == trace_of(fly_clip(NAME, 0))
+        again = trace_of(fly_clip_again(NAME, 0, images=60))
+        assert again == trace_of(fly_clip(NAME, 0))[: len(again)] != b""

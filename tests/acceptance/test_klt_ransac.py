@@ -57,7 +57,8 @@ class TestSurvey:
         assert min(smallest) >= 1e-6 * (1 - 1e-9)
 
     def test_it_gives_the_same_bytes_again(self) -> None:
-        assert trace_of(fly_nadir_again(NAME, 0)) == trace_of(fly_nadir(NAME, 0))
+        again = trace_of(fly_nadir_again(NAME, 0, duration_s=15.0))
+        assert again == trace_of(fly_nadir(NAME, 0))[: len(again)] != b""
 
 
 @pytest.mark.parametrize(("speed_m_s", "height_m"), [(15.0, 100.0), (20.0, 150.0)])
@@ -111,4 +112,5 @@ class TestClip:
         assert speeds_m_s[-AT_REST:].max() < 0.02
 
     def test_it_gives_the_same_bytes_again(self) -> None:
-        assert trace_of(fly_clip_again(NAME, 0)) == trace_of(fly_clip(NAME, 0))
+        again = trace_of(fly_clip_again(NAME, 0, images=60))
+        assert again == trace_of(fly_clip(NAME, 0))[: len(again)] != b""
