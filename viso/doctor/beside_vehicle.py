@@ -25,11 +25,13 @@ RELATED: Final = 0.8
 UNLIKE: Final = 0.3
 """The share of moves that may be off by more than half."""
 
+ALIGNED: Final = "VisOdom: yaw shifted"
+"""What types 2 and 3 say when they turn the camera's frame to north."""
+
 _LEAVES_RAD: Final = np.radians(10)
 _LATE_S: Final = 0.5
 _LASTING_US: Final = 1_000_000
 _LEAST_SHARE: Final = 0.05
-_ALIGNED: Final = "VisOdom: yaw shifted"
 _FAILED: Final = -1
 _FARTHEST_M: Final = 1e9
 _FASTEST_M_S: Final = 1e5
@@ -43,13 +45,9 @@ _AROUND_US: Final = 500_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Way:
-    """Where a stream says that it went: its positions, or the sum of its velocities.
+    """Where a stream says that it went, N x 3: its positions, or the sum of its velocities, of N chosen messages.
 
-    Attributes:
-        track: the messages.
-        chosen: N, which of them tell it.
-        pos_m: N x 3.
-        breaks_us: where it restarted.
+    It restarts where it breaks.
     """
 
     track: Track
@@ -91,9 +89,9 @@ def is_of_one_time(evidence: Evidence) -> bool:
 
 def aligned_us(evidence: Evidence) -> list[int]:
     """Return when poses were aligned: by the emulated autopilot, or by that whose log holds them."""
-    found = [time_us for time_us, _, text in evidence.texts if text.startswith(_ALIGNED)]
     own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
-    return found if own is None else found + [time_us for time_us, text in own.texts if text.startswith(_ALIGNED)]
+    said = [(time_us, text) for time_us, _, text in evidence.texts] + ([] if own is None else [*own.texts])
+    return [time_us for time_us, text in said if text.startswith(ALIGNED)]
 
 
 def follows_vehicle(evidence: Evidence, time_us: Ints) -> Bools:
@@ -192,7 +190,7 @@ def leaves(heading: HeadingDeparture) -> Bools:
     """Return which messages have a yaw that is off for longer than a late one is in a turn; none if they are few."""
     allowed = _LEAVES_RAD + _LATE_S * heading.turning_rad
     off = np.asarray(np.abs(heading.off_rad) > allowed, dtype=np.bool_)
-    mask = lasting(heading.poses.track.arrival_us[heading.chosen], off, _LASTING_US)
+    mask = lasting(heading.poses.track.arrival_us[heading.chosen], off)
     return mask if np.mean(mask) > _LEAST_SHARE else np.zeros_like(mask)
 
 
@@ -221,11 +219,11 @@ def is_related(evidence: Evidence, poses: Poses) -> bool:
     return True
 
 
-def lasting(time_us: Ints, mask: Bools, least_us: int) -> Bools:
-    """Return a mask without what lasts no longer than that."""
+def lasting(time_us: Ints, mask: Bools) -> Bools:
+    """Return a mask without what lasts no longer than a second."""
     edges = np.flatnonzero(np.diff(mask.astype(np.int8))) + 1
     kept = mask.copy()
     for run in np.split(np.arange(len(mask)), edges):
-        if len(run) and time_us[run[-1]] - time_us[run[0]] <= least_us:
+        if len(run) and time_us[run[-1]] - time_us[run[0]] <= _LASTING_US:
             kept[run] = False
     return kept

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from ekf_stub.inputs.sources import EXTNAV
 from mav_handlers.handlers import VISION_MESSAGES
 from viso.doctor.measures.compare import Comparison, PathComparison
 from viso.doctor.measures.flow_fit import FlowFit
@@ -15,7 +16,7 @@ from viso.doctor.measures.own_filter import OwnFilter, Witness
 from viso.doctor.measures.refused_frames import FrameKind
 from viso.doctor.measures.tracks import Poses, SeenMessage, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
-from viso.doctor.measures.vehicle_position import EXTNAV, LevelSeries, PositionSeries
+from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
 from viso.fates.watch import AidingSpan, Innovations
 from viso.firmware.flown import FlownVersion
 from viso.firmware.releases import Firmware

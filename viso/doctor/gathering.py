@@ -28,7 +28,7 @@ from viso.doctor.measures.tracks import Poses, SeenMessage, pose_tracks, stamped
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, VehicleData, is_of_simulator, listen
 from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
 from viso.doctor.outputs.phrases import at
-from viso.doctor.trial_parameters import Settled, settle
+from viso.doctor.trial_parameters import VISION_NAMES, Settled, settle
 from viso.errors import InputError
 from viso.fates.watch import AidingSpan, FilterWatch, Innovations
 from viso.firmware.flown import notes_on
@@ -49,7 +49,6 @@ _AXES_UNKNOWN: Final = (
     "nothing else tells how the vehicle moved, or too little: axes that fit each other, such as ENU at one height, "
     "are not judged"
 )
-_NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 _OF_VEHICLE: Final = ("attitude", "height", "position", "level", "truth", "own_filter")
 """Fields of ``GatherOptions``, ``VehicleData`` and ``Evidence``; of the first two, that of the options counts."""
 
@@ -225,7 +224,7 @@ def gather(
     known = {name: getattr(options, name) or getattr(told, name) for name in _OF_VEHICLE}
     told = replace(told, ground=told.ground.beside(options.ground), **known)
     kinds = Counter(message_name(message_id_of(one.frame)) or "unknown" for one in stream.messages)
-    names = told.vision | (kinds.keys() & _NAMES)
+    names = told.vision | (kinds.keys() & VISION_NAMES)
     firmware = options.firmware or firmware_of_recording(stream)
     flown = stream.flown if options.firmware is None else None
     settled = settle(stream, told, options.params, names, firmware, flown)

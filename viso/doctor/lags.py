@@ -34,13 +34,9 @@ def tells_lags(track: Track) -> bool:
 
 
 class Minima(NamedTuple):
-    """The least lag in each of some windows, none of which goes over a step of the clock.
+    """The least lag in each of some windows, with its beginning and its first message.
 
-    Attributes:
-        time_s: when the window begins.
-        lag_ms: the least in it.
-        first: its first message.
-        segment: how many steps of the clock there were before.
+    None goes over a step of the clock; ``segment`` counts the steps before it.
     """
 
     time_s: Floats

@@ -17,31 +17,14 @@ from viso.firmware.releases import Firmware
 from viso.streams.stream import message_id_of
 from viso.streams.stream_kinds import Stream
 
+VISION_NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 _BARO = 1
 _COMPASS = 1
 _NONE = 0
 _EKF3: Final = 3
 _HEIGHT_SOURCES: Final = {1: 2, 2: 3, 3: 4, 4: EXTNAV}  # of EKn_ALT_SOURCE, as the firmware of 4.1 converts it
 _POSES = frozenset(cls.__name__ for cls in POSE_TYPES)
-_VISION: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 _VELOCITIES = frozenset(cls.__name__ for cls in (*VELOCITY_TYPES, VISION_POSITION_DELTA))
-
-
-def _fitting(names: Collection[str]) -> list[Assumed]:
-    has_pose, has_velocity = not _POSES.isdisjoint(names), not _VELOCITIES.isdisjoint(names)
-    pose = "the stream carries poses" if has_pose else "the stream carries no pose"
-    velocity = "the stream carries velocities" if has_velocity else "the stream carries no velocity"
-    yaw = "the stream carries the attitude" if has_pose else "the stream carries no attitude"
-    yaw_source = EXTNAV if has_pose else _COMPASS
-    return [
-        Assumed("VISO_TYPE", 1, "MAVLink, which passes samples on as they are"),
-        Assumed("GPS1_TYPE", 0, "no GPS, as external navigation is to be tried"),
-        Assumed("EK3_SRC1_POSXY", EXTNAV if has_pose else _NONE, pose),
-        Assumed("EK3_SRC1_VELXY", EXTNAV if has_velocity else _NONE, velocity),
-        Assumed("EK3_SRC1_POSZ", _BARO, "height from the barometer is what most use"),
-        Assumed("EK3_SRC1_VELZ", EXTNAV if has_velocity else _NONE, velocity),
-        Assumed("EK3_SRC1_YAW", yaw_source, yaw),
-    ]
 
 
 def _of_older(flown: FlownVersion, told: Mapping[str, float]) -> Iterator[Assumed]:
@@ -119,7 +102,7 @@ def settle(
 def vision_carried(stream: Stream) -> frozenset[str]:
     """Return the names of a stream's messages of external navigation."""
     kinds = {message_id_of(one.frame) for one in stream.messages}
-    return _VISION & {message_name(kind) for kind in kinds}
+    return VISION_NAMES & {message_name(kind) for kind in kinds}
 
 
 def fitting(names: Collection[str], known: Collection[str]) -> list[Assumed]:
@@ -127,9 +110,22 @@ def fitting(names: Collection[str], known: Collection[str]) -> list[Assumed]:
 
     Left out are parameters whose names are known, and all sources if one is.
     """
-    sources_known = any(name.startswith("EK3_SRC") for name in known)
-    return [
-        one
-        for one in (_fitting(names) if names else ())
-        if one.name not in known and not (sources_known and one.name.startswith("EK3_SRC"))
+    if not names:
+        return []
+    has_pose, has_velocity = not _POSES.isdisjoint(names), not _VELOCITIES.isdisjoint(names)
+    pose = "the stream carries poses" if has_pose else "the stream carries no pose"
+    velocity = "the stream carries velocities" if has_velocity else "the stream carries no velocity"
+    yaw = "the stream carries the attitude" if has_pose else "the stream carries no attitude"
+    sources = [
+        Assumed("EK3_SRC1_POSXY", EXTNAV if has_pose else _NONE, pose),
+        Assumed("EK3_SRC1_VELXY", EXTNAV if has_velocity else _NONE, velocity),
+        Assumed("EK3_SRC1_POSZ", _BARO, "height from the barometer is what most use"),
+        Assumed("EK3_SRC1_VELZ", EXTNAV if has_velocity else _NONE, velocity),
+        Assumed("EK3_SRC1_YAW", EXTNAV if has_pose else _COMPASS, yaw),
     ]
+    fit = [
+        Assumed("VISO_TYPE", 1, "MAVLink, which passes samples on as they are"),
+        Assumed("GPS1_TYPE", 0, "no GPS, as external navigation is to be tried"),
+        *([] if any(name.startswith("EK3_SRC") for name in known) else sources),
+    ]
+    return [one for one in fit if one.name not in known]

@@ -18,12 +18,7 @@ _OF: Final = Sender(0, 0, "ATTITUDE")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BootClock:
-    """How an autopilot's clock ran against that of a recording.
-
-    Attributes:
-        found: in which way it departs.
-        recorded_us, boot_us: K, the same moments by both; only differences count.
-    """
+    """How an autopilot's clock ran against that of a recording: the same K moments by both, whose differences count."""
 
     found: SenderClock
     recorded_us: Ints

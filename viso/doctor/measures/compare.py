@@ -10,9 +10,10 @@ import numpy as np
 
 from ap_core.internal_error import InternalErrors
 from ap_core.rotations import quaternion_from_rotation
+from ekf_stub.inputs.sources import EXTNAV
 from viso.doctor.measures.tracks import Floats, Ints, Poses, SeenMessage
 from viso.doctor.measures.vehicle_data import AttitudeSeries
-from viso.doctor.measures.vehicle_position import EXTNAV, PositionSeries
+from viso.doctor.measures.vehicle_position import PositionSeries
 from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.delay import Delay, estimate_delay
 from viso.estimators.orientation import ChosenAxes, WorldAxes, estimate_orientation, estimate_world_axes

@@ -75,12 +75,7 @@ class OtherCore:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisionSensor:
-    """SYS_STATUS about the vision sensor.
-
-    Attributes:
-        time_us: N, us since boot.
-        present, enabled, healthy: N.
-    """
+    """What N messages of SYS_STATUS say about the vision sensor, at times since boot."""
 
     time_us: Ints
     present: Bools

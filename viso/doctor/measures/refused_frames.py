@@ -3,7 +3,7 @@
 """Which types of messages fail their checksum, and of whom: damage takes all alike, another definition one type."""
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from mav_handlers.verdicts import BAD_CRC, bad_data_verdict
@@ -15,22 +15,15 @@ _LEAST: Final = 5
 _IDS_1, _IDS_2 = slice(3, 6), slice(5, 10)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class FrameKind:
-    """The frames of a type from a sender.
-
-    Attributes:
-        name: of the type.
-        system_id, component_id: of the sender.
-        sound: how many passed.
-        refused: the numbers of those that failed, from 1.
-    """
+    """The frames of a type from a sender: how many are sound, and the numbers, from 1, of those that were refused."""
 
     name: str
     system_id: int
     component_id: int
-    sound: int = 0
-    refused: list[int] = field(default_factory=list)
+    sound: int
+    refused: list[int]
 
     @property
     def is_defined_otherwise(self) -> bool:

@@ -68,12 +68,7 @@ class AttitudeSeries:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeightSeries:
-    """The vehicle's height over time by its own account, from wherever it counts.
-
-    Attributes:
-        time_us: N, us since boot.
-        down_m: N.
-    """
+    """The vehicle's height at N times since boot by its own account, from wherever it counts."""
 
     time_us: Ints
     down_m: Floats

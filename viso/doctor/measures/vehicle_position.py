@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
+from ekf_stub.inputs.sources import EXTNAV
 from mav_handlers.wire.messages import (
     EKF_STATUS_REPORT,
     GLOBAL_POSITION_INT,
@@ -29,7 +30,6 @@ from viso.doctor.measures.tracks import Bools, Floats, Ints, timed
 from viso.logs.filter_records import parameters_in
 from viso.logs.recorded import table_of
 
-EXTNAV: Final = 6
 EKF3: Final = 3
 _FEWEST: Final = 20
 _FIX_3D: Final = 3

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.doctor.beside_vehicle import aligned_us, lasting
+from viso.doctor.beside_vehicle import ALIGNED, aligned_us, lasting
 from viso.doctor.evidence import EXTNAV, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, vehicle_error, warning
 from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
@@ -18,7 +18,6 @@ from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, down_in_body
 from viso.doctor.outputs.phrases import at, of_some, share
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
-_SHIFTED: Final = "VisOdom: yaw shifted"
 _LIMIT_RAD: Final = math.radians(10)
 _GROSS_RAD: Final = math.radians(20)
 _LASTING_US: Final = 1_000_000
@@ -36,7 +35,7 @@ _NEVER_US: Final = 1 << 62
 )
 def _shifted(evidence: Evidence) -> Iterator[Sighting]:
     for time_us, _, text in evidence.texts:
-        if text.startswith(_SHIFTED):
+        if text.startswith(ALIGNED):
             known = "" if evidence.attitude is not None else ", if the vehicle points north at first"
             yield Sighting(f'at {at(time_us)} it would say "{text}"{known}', start_us=time_us, end_us=time_us)
 
@@ -136,7 +135,7 @@ def _tilted(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
     for poses, chosen, told, vehicle in _beside_vehicle(evidence):
         angle = np.arccos(np.clip(np.sum(down_in_body(told) * down_in_body(vehicle), axis=1), -1, 1))
-        mask = lasting(poses.track.arrival_us[chosen], angle > _LIMIT_RAD, _LASTING_US)
+        mask = lasting(poses.track.arrival_us[chosen], angle > _LIMIT_RAD)
         if mask.any():
             middle = math.degrees(float(np.median(angle[mask])))
             text = f"roll and pitch are {middle:.0f} deg from the vehicle's own"
@@ -163,7 +162,7 @@ def _yaw_drifts(evidence: Evidence) -> Iterator[Sighting]:
             inside = (times >= start) & (times < end)
             if first.any():
                 since = np.abs(np.angle(np.exp(1j * (off - _mean_angle(off[first])[0]))))
-                left = lasting(times, np.asarray(inside & (since > _LIMIT_RAD), dtype=np.bool_), _LASTING_US)
+                left = lasting(times, np.asarray(inside & (since > _LIMIT_RAD), dtype=np.bool_))
                 mask |= left
                 worst = max(worst, float(since[left].max(initial=0.0)))
         if mask.any():

@@ -40,7 +40,7 @@ _YAW: Final = "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw"
 _SETS: Final = (1, 2, 3)
 _GROSS_DEG: Final = 10.0
 _GROSS_AT_WORST_DEG: Final = 30.0
-_LASTING_US: Final = 1_000_000
+_SECOND_US: Final = 1_000_000
 _STILL: Final = 0.2
 _NO_SCALE: Final = 0.05
 _MOSTLY: Final = 0.5
@@ -205,7 +205,7 @@ def _height_of(evidence: Evidence, way: Way, inside: Ints, vehicle_m: Floats, le
     off_m = np.asarray(off_m - np.median(off_m[: FEWEST_WINDOWS // 2]), dtype=np.float64)
     climbed_m = float(np.ptp(vehicle_m))
     allowed_m = max(_LEAST_M, _OF_HEIGHT * level.noise_m, _OF_CLIMB * climbed_m, _OF_WAY * _length(way, inside))
-    mask = lasting(time_us, np.asarray(np.abs(off_m) > allowed_m), _LASTING_US)
+    mask = lasting(time_us, np.asarray(np.abs(off_m) > allowed_m))
     if not mask.any():
         return None
     worst = int(np.argmax(np.where(mask, np.abs(off_m), 0.0)))
@@ -229,7 +229,7 @@ def _parts(way: Way) -> Iterator[Bools]:
 
 def _length(way: Way, inside: Ints) -> float:
     """Return how long a way is over the ground, by its places a second apart."""
-    second = way.arrival_us[inside] // _LASTING_US
+    second = way.arrival_us[inside] // _SECOND_US
     places = way.pos_m[inside][np.diff(second, prepend=-1) > 0, :2]
     return float(np.sum(np.linalg.norm(np.diff(places, axis=0), axis=1)))
 

@@ -20,7 +20,7 @@ from viso.doctor.measures.tracks import Floats, SeenMessage
 from viso.doctor.outputs.phrases import at, often, seen_in, share
 from viso.doctor.rules.resets import jumps_in
 from viso.fates.labels import Fate, fate_of
-from viso.fates.watch import UNITS
+from viso.fates.watch import UNITS, AidingSpan
 
 _CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
@@ -43,8 +43,8 @@ _REFUSAL: Final = re.compile(r"(Pre)?Arm: |Internal")
 _CONCERNS: Final = ("VisOdom", "EKF", "AHRS", "Position", "aiding", "Internal")
 
 
-def _aiding_from(evidence: Evidence) -> int | None:
-    return next((span.start_us for span in evidence.aiding if span.mode is not AidingMode.NONE), None)
+def _first_aiding(evidence: Evidence) -> AidingSpan | None:
+    return next((span for span in evidence.aiding if span.mode is not AidingMode.NONE), None)
 
 
 def _own_filter(evidence: Evidence) -> OwnFilter | None:
@@ -101,10 +101,10 @@ def _accepted(evidence: Evidence) -> list[SeenMessage]:
     witness=Witness.MODEL,
 )
 def _would_aid(evidence: Evidence) -> Iterator[Sighting]:
-    start_us = _aiding_from(evidence)
-    if start_us is not None and not _is_denied(evidence):
-        mode = next(span.mode for span in evidence.aiding if span.start_us == start_us)
-        yield Sighting(f"it would navigate by {mode.value} aiding from {at(start_us)} on", start_us=start_us)
+    first = _first_aiding(evidence)
+    if first is not None and not _is_denied(evidence):
+        text = f"it would navigate by {first.mode.value} aiding from {at(first.start_us)} on"
+        yield Sighting(text, start_us=first.start_us)
 
 
 @error(
@@ -118,7 +118,7 @@ def _would_aid(evidence: Evidence) -> Iterator[Sighting]:
 def _never_aids(evidence: Evidence) -> Iterator[Sighting]:
     accepted = _accepted(evidence)
     wants = EXTNAV in (evidence.source("POSXY"), evidence.source("VELXY"))
-    if accepted and wants and _aiding_from(evidence) is None:
+    if accepted and wants and _first_aiding(evidence) is None:
         own = _own_filter(evidence)
         but = ""
         if own is not None and own.uses_extnav.any():

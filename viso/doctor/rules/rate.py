@@ -41,11 +41,11 @@ def _gaps(evidence: Evidence) -> list[tuple[SeenMessage, SeenMessage, int]]:
     return [(a, b, length) for a, b, length in lengths if length >= _HEALTHY_US and a.arrival_us < over_us]
 
 
-def _is_slow(evidence: Evidence) -> bool:
+def _slow_us(evidence: Evidence) -> float:
+    """Return the time from one message to the next where they are too few; 0 elsewhere."""
     taken = _taken(evidence)
-    if len(taken) < FEWEST:
-        return False
-    return float(np.median(np.diff([one.arrival_us for one in taken]))) >= 250_000
+    interval = float(np.median(np.diff([one.arrival_us for one in taken]))) if len(taken) >= FEWEST else 0.0
+    return interval if interval >= 250_000 else 0.0
 
 
 @error(
@@ -57,11 +57,9 @@ def _is_slow(evidence: Evidence) -> bool:
     "Send 10 to 40 messages per second.",
 )
 def _too_slow(evidence: Evidence) -> Iterator[Sighting]:
-    if _is_slow(evidence):
-        taken = _taken(evidence)
-        interval = float(np.median(np.diff([one.arrival_us for one in taken])))
+    if interval := _slow_us(evidence):
         text = f"{1e6 / interval:.1f} messages per second, {interval / 1000:.0f} ms apart"
-        yield seen_in(text, taken)
+        yield seen_in(text, _taken(evidence))
 
 
 def _gaps_between(evidence: Evidence, least_us: int, most_us: int) -> Iterator[Sighting]:
@@ -88,7 +86,7 @@ def _gaps_between(evidence: Evidence, least_us: int, most_us: int) -> Iterator[S
     "while tracking is lost.",
 )
 def _short_gaps(evidence: Evidence) -> Iterator[Sighting]:
-    if not _is_slow(evidence):
+    if not _slow_us(evidence):
         yield from _gaps_between(evidence, _HEALTHY_US, _FRESH_US)
 
 
@@ -101,7 +99,7 @@ def _short_gaps(evidence: Evidence) -> Iterator[Sighting]:
     "As for shorter gaps; with EK3_SRC1_POSZ 1 height does not depend on the camera.",
 )
 def _long_gaps(evidence: Evidence) -> Iterator[Sighting]:
-    if not _is_slow(evidence):
+    if not _slow_us(evidence):
         yield from _gaps_between(evidence, _FRESH_US, _POSITION_LOST_US)
 
 

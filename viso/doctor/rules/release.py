@@ -32,7 +32,7 @@ class _Judge:
     def raw(self, message: object, firmware: Firmware) -> Errors | None:
         """Return both errors before they are limited; None of a message without a covariance."""
         covariance = covariance_of(message)
-        if covariance is None or _is_empty(covariance):
+        if covariance is None or math.isnan(covariance[0]) or not any(covariance):
             return None
         key = firmware.name, isinstance(message, ATT_POS_MOCAP), covariance
         if key not in self._known:
@@ -50,10 +50,6 @@ class _Judge:
         limits = zip(errors, self._floors, (POS_ERR_MAX_M, ANG_ERR_MAX_RAD), strict=True)
         pos, ang = (_limited(error, floor, float(most)) for error, floor, most in limits)
         return pos, ang
-
-
-def _is_empty(covariance: Sequence[float]) -> bool:
-    return math.isnan(covariance[0]) or not any(covariance)
 
 
 def _limited(error: float, floor: float, most: float) -> float:
@@ -93,11 +89,9 @@ def _agree(judge: _Judge, message: object, here: Firmware, other: Firmware) -> b
     if isinstance(message, ATT_POS_MOCAP):  # has a rule of its own
         return True
     ours, theirs = judge.limited(message, here), judge.limited(message, other)
-    return ours is None or theirs is None or all(map(_is_close, ours, theirs))
-
-
-def _is_close(a: float, b: float) -> bool:
-    return math.isclose(a, b, rel_tol=0.01)
+    if ours is None or theirs is None:
+        return True
+    return all(math.isclose(a, b, rel_tol=0.01) for a, b in zip(ours, theirs, strict=True))
 
 
 @note(

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.verdicts import BAD_CRC, NOT_ACCEPTED, NOT_ADDRESSED, OWN_MESSAGE, UNKNOWN_MESSAGE
 from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, PARAM_SET, SET_GPS_GLOBAL_ORIGIN
 from viso.doctor.evidence import Evidence
@@ -16,6 +15,7 @@ from viso.doctor.findings import Severity, Sighting, error, warning
 from viso.doctor.measures.stamps import FEWEST, are_us
 from viso.doctor.measures.tracks import Bools, Ints, Track
 from viso.doctor.outputs.phrases import at, by_type, listed, of_some, seen_in, share
+from viso.doctor.trial_parameters import VISION_NAMES
 from viso.streams.stream_kinds import Aspect
 
 _LEAST_LOST: Final = 3
@@ -23,7 +23,6 @@ _LOST_SHARE: Final = 0.02
 _MOST_ASKING: Final = 3
 _ROUTING: Final = "MAVLink_routing.cpp, MAVLink_routing::check_and_forward"
 _FOR_THE_AUTOPILOT: Final = (SET_GPS_GLOBAL_ORIGIN, COMMAND_LONG, COMMAND_INT, PARAM_SET)
-_VISION_NAMES: Final = frozenset(kind.__name__ for kind in VISION_MESSAGES)
 _LOST_FIELDS: Final = {
     "VISION_POSITION_ESTIMATE": "covariance and reset_counter",
     "GLOBAL_VISION_POSITION_ESTIMATE": "covariance and reset_counter",
@@ -135,7 +134,7 @@ def _damaged(evidence: Evidence) -> Iterator[Sighting]:
             f"all {len(kind.refused)} {kind.name} from {sender} fail their checksum, while others pass: the sender has "
             "another definition of that message",
             kind.refused,
-            severity=None if kind.name in _VISION_NAMES else Severity.NOTE,
+            severity=None if kind.name in VISION_NAMES else Severity.NOTE,
             fix=f"Generate the sender's messages from the same dialect as the autopilot's: the checksum covers the "
             f"definition of {kind.name}, of which the two have different versions.",
         )
