@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.reports.filter_status import FilterFlag
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Finding, diagnose
 from viso.doctor.gathering import gather
@@ -30,7 +29,6 @@ STALE_S: Final = 0.5
 RESET_IGNORE_S: Final = 1.0
 """After a reset, T265 and VOXL withhold for so long (AP_VisualOdom_IntelT265.cpp, should_consume_sensor_data)."""
 
-POSITION_FLAGS: Final = int(FilterFlag.HORIZ_POS_REL | FilterFlag.HORIZ_POS_ABS)
 _KINDS: Final = (
     ("VISP", "position and attitude", "REPH"),
     ("VISV", "velocity", "REVH"),
@@ -131,11 +129,10 @@ def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
     gaps = [(float(arrivals_s[i]), float(arrivals_s[i + 1])) for i in np.flatnonzero(steps_s > UNHEALTHY_S)]
     if len(arrivals_s) and end_s - arrivals_s[-1] > UNHEALTHY_S:
         gaps.append((float(arrivals_s[-1]), end_s))
-    xkf4 = material.xkf4
+    status_s = material.xkf4.time_s
     evidence = gather(material.stream, replace(material.vehicle, firmware=firmware))
     own = evidence.own_filter
     assert own is not None
-    ratios = xkf4.matrix("SV", "SP", "SH", "SM")
     return Facts(
         start_s=start_s,
         end_s=end_s,
@@ -147,10 +144,10 @@ def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
         lag_ms=lag_ms(material.stamped),
         resets=tuple(sorted(_resets(material), key=lambda reset: reset.time_s)),
         armed=own.armed or (),
-        positioned=tuple(spans_of(xkf4.time_s, has_position(xkf4))),
-        moving=tuple(spans_of(xkf4.time_s, _has(xkf4, int(FilterFlag.HORIZ_VEL)))),
-        over_gate=tuple(spans_of(xkf4.time_s, np.asarray((ratios > 1.0).any(axis=1)))),
-        worst_ratio=float(np.nanmax(ratios)) if np.isfinite(ratios).any() else float("nan"),
+        positioned=tuple(spans_of(status_s, own.positioned)),
+        moving=tuple(spans_of(status_s, own.moving)),
+        over_gate=tuple(spans_of(status_s, np.asarray((own.ratios > 1.0).any(axis=1)))),
+        worst_ratio=float(np.nanmax(own.ratios)) if own.has_ratios else float("nan"),
         differences=differences(material),
         own=own,
         findings=tuple(_findings(evidence)),
@@ -164,27 +161,12 @@ def _findings(evidence: Evidence) -> list[Finding]:
     return diagnose(evidence, [rule for rule in rules if not (evidence.assumed and rule.family == "XN7")])
 
 
-def has_position(xkf4: Series) -> Mask:
-    """Return in which records the EKF says that it has a horizontal position of its own (SS)."""
-    return _has(xkf4, POSITION_FLAGS)
-
-
-def _has(xkf4: Series, flags: int) -> Mask:
-    return has_flag(xkf4, flags) & ~has_flag(xkf4, int(FilterFlag.CONST_POS_MODE))
-
-
-def has_flag(xkf4: Series, flags: int) -> Mask:
-    """Return in which records any of some bits of SS is set."""
-    return np.asarray(np.nan_to_num(xkf4["SS"]).astype(np.int64) & flags != 0)
-
-
-def positioned_at(material: Material, at_s: Array) -> Mask:
+def positioned_at(own: OwnFilter, at_s: Array) -> Mask:
     """Return at which times the EKF said that it has a position; at all of them if the log does not tell."""
-    status = material.xkf4
-    if not len(status):
+    if not len(own.time_us):
         return np.ones(len(at_s), dtype=np.bool_)
-    latest = np.maximum(np.searchsorted(status.time_s, at_s, side="right") - 1, 0)
-    return np.asarray(has_position(status)[latest], dtype=np.bool_)
+    latest = np.maximum(np.searchsorted(own.time_us * 1e-6, at_s, side="right") - 1, 0)
+    return np.asarray(own.positioned[latest], dtype=np.bool_)
 
 
 def withheld_why(material: Material, series: Series) -> dict[str, Mask]:

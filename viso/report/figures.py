@@ -54,7 +54,7 @@ def _without_position(material: Material, facts: Facts) -> list[tuple[float, flo
 
 def _path(material: Material, facts: Facts) -> Figure | None:
     vision, ekf = vision_poses(material), ekf_poses(material)
-    positioned = positioned_at(material, ekf.time_s)
+    positioned = positioned_at(facts.own, ekf.time_s)
     if not len(vision.time_s) and not positioned.any():
         return None
     figure = drawing.new_figure(4.6)

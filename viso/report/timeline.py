@@ -12,7 +12,7 @@ from ekf_stub.reports.filter_status import FilterFlag
 from viso.estimators.series import spans_of
 from viso.report import drawing
 from viso.report.drawing import EKF, GREEN, MUTED, VIOLET, VISION, WITHHELD, plain
-from viso.report.facts import Facts, has_flag
+from viso.report.facts import Facts
 from viso.report.flight_data import Happening, Material
 
 MOST_TEXTS: Final = 36
@@ -59,7 +59,7 @@ def _bars(material: Material, facts: Facts) -> Bars:
     if len(status):
         for name, flags in _FLAGS:
             colour = VISION if flags == FilterFlag.CONST_POS_MODE else EKF
-            bars.append((f"EKF: {name}", spans_of(status.time_s, has_flag(status, int(flags))), colour))
+            bars.append((f"EKF: {name}", spans_of(status.time_s, facts.own.flags & int(flags) != 0), colour))
         bars.append(("a test ratio over 1", facts.over_gate, WITHHELD))
     if facts.measurements:
         bars.append(("vision silent", facts.gaps, WITHHELD))

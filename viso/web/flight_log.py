@@ -91,7 +91,7 @@ def _points(material: Material, facts: Facts, ends_s: Array) -> list[dict[str, A
     xkf1, visp, timed, own = material.xkf1, material.visp, material.stamped, facts.own
     lags_ms = lag_ms(timed)
     yaw_deg = wrapped_deg(xkf1["Yaw"])
-    pos_ned = np.where(positioned_at(material, xkf1.time_s)[:, np.newaxis], xkf1.matrix("PN", "PE", "PD"), np.nan)
+    pos_ned = np.where(positioned_at(own, xkf1.time_s)[:, np.newaxis], xkf1.matrix("PN", "PE", "PD"), np.nan)
     seen_ned, withheld = visp.matrix("PX", "PY", "PZ"), visp["Ign"] > 0
     quality = timed["Q"]
     ratios = np.where(_tested(facts), own.ratios, np.nan)
