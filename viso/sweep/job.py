@@ -9,22 +9,35 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 import yaml
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
 from viso.companion.faults import Timeline, TimelineError, inject, parse_timeline
+from viso.companion.recorded.readers import Source
 from viso.companion.trials.evaluation import TimedPoses
 from viso.documents import parsed_yaml
 from viso.errors import InputError, told_errors
 from viso.extras import installed_version
 from viso.firmware.releases import PROFILES
+from viso.logs.recorded import read_recorded_states
 from viso.options.ahrs import AhrsChoice, ahrs_maker, imu_options
 from viso.replay.figures import Judge, Row
 from viso.replay.run import ReplaySetup, run_replay
 from viso.sensors.inertial_sources import MakeSource, read_source
 from viso.streams.stream import timed_frames
-from viso.streams.stream_kinds import Stream, StreamMessage, TrajectoryOptions, read_stream
+from viso.streams.stream_kinds import (
+    DATAFLASH_LOG,
+    STREAM_KINDS,
+    TRAJECTORY,
+    Stream,
+    StreamMessage,
+    TrajectoryOptions,
+    kind_of,
+    read_stream,
+)
+from viso.streams.trajectory import load
 from viso.sweep.dimensions import fault_field
 from viso.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input_file
 from viso.vehicle.config import by_ekf3
@@ -61,7 +74,10 @@ def _row_of(plan: SweepPlan, point: Point) -> Row:
     chosen = {name: value for name, value in values.items() if fault_field(name) is None}
     baud = (stream.baud if plan.baud is None else plan.baud) or None
     make_ahrs = _ahrs(plan, recorded, point.seed)
-    judge = Judge(_read_truth(recorded.reference, recorded.file.path, _lead_us(plan), plan.trajectory))
+    truth = None
+    if recorded.reference is not None:
+        truth = read_reference(Path(recorded.reference), Path(recorded.file.path), _lead_us(plan), plan.trajectory)
+    judge = Judge(truth)
     outcome = run_replay(
         stream,
         {**stream.params, **plan.settings[point.firmware], **chosen},
@@ -115,12 +131,27 @@ def _source(imu: str) -> MakeSource:
 
 
 @lru_cache(_KEPT)
-def _read_truth(reference: str | None, stream: str, lead_us: int, options: TrajectoryOptions) -> TimedPoses | None:
-    if reference is None:
-        return None
-    from viso.sweep.reference import read_reference
+def read_reference(path: Path, stream: Path, lead_us: int, options: TrajectoryOptions) -> TimedPoses:
+    """Return the positions of a reference, on the clock of the vehicle that a stream is replayed into.
 
-    return read_reference(Path(reference), Path(stream), lead_us, options)
+    A DataFlash log gives the positions that its own filter estimated (XKF1). A trajectory is taken to be in seconds
+    since boot, or on the clock of the stream if that is a trajectory as well; ``lead_us`` is then from boot to its
+    first message. Raises InputError if one cannot be read, or the reference has no positions.
+    """
+    if path.name.lower().endswith(STREAM_KINDS[DATAFLASH_LOG].endings):
+        states = read_recorded_states(path)
+        times_ns = np.round(np.asarray(states.pos_time_us) * 1000).astype(np.int64)
+        kept = np.diff(times_ns, prepend=-1) > 0
+        times_ns, places = times_ns[kept], np.asarray(states.pos_ned)[kept]
+    else:
+        truth = load(Source(path), None)
+        times_ns, places = truth.times_ns, truth.positions
+        if kind_of(stream, options) == TRAJECTORY:
+            source = Source(stream, options.topic, options.times)
+            times_ns = times_ns - load(source, options.format_name).times_ns[0] + lead_us * 1000
+    if len(times_ns) < 2:
+        raise InputError(f"{path}: a reference without positions")
+    return TimedPoses(times_ns, np.asarray(places, np.float64), np.tile((1.0, 0.0, 0.0, 0.0), (len(times_ns), 1)))
 
 
 # Streams
