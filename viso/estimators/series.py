@@ -67,15 +67,18 @@ def numbers_of(columns: Mapping[str, Column], labels: Sequence[str], count: int)
     return np.full(count, np.nan)
 
 
+def rows_in_time(table: Array) -> Array:
+    """Return rows of us and numbers in the order of their times, without those whose time damage made up."""
+    rows = table[np.isfinite(table[:, 0])]
+    if len(rows):
+        rows = rows[np.abs(rows[:, 0] - np.median(rows[:, 0])) < 1e6 * IMPOSSIBLE_S]
+    return np.asarray(rows[np.argsort(rows[:, 0], kind="stable")], dtype=np.float64)
+
+
 def series_of(rows: Sequence[Sequence[float]] | Array, labels: Sequence[str]) -> tuple[Series, int]:
     """Return rows of TimeUS and numbers as a series, and how many were left out because their time cannot be."""
     table = np.array(rows, dtype=np.float64).reshape(-1, 1 + len(labels))
-    time_s = table[:, 0] * 1e-6
-    timed = np.isfinite(time_s)
-    if timed.any():
-        timed[timed] = np.abs(time_s[timed] - np.median(time_s[timed])) < IMPOSSIBLE_S
-    kept = table[timed]
-    kept = kept[np.argsort(kept[:, 0], kind="stable")]
+    kept = rows_in_time(table)
     columns = {label: kept[:, number] for number, label in enumerate(labels, 1)}
     return Series(kept[:, 0] * 1e-6, columns), int(len(table) - len(kept))
 

@@ -15,7 +15,7 @@ from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
 from mav_handlers.wire.codec import Header
 from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, LOCAL_POSITION_NED, OPTICAL_FLOW, SYS_STATUS, Message
 from viso.doctor.measures.tracks import Bools, Floats, Ints
-from viso.estimators.series import IMPOSSIBLE_S
+from viso.estimators.series import rows_in_time
 from viso.logs.filter_records import table_with
 from viso.logs.recorded import table_of
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1
@@ -173,7 +173,7 @@ NO_GROUND_SENSORS: Final = GroundSensors()
 
 def ground_sensors_in(log: LogColumns) -> GroundSensors:
     """Return what a log has of flow and ranges."""
-    check = _timed(table_with(log, "XKF5", (("NI",), ("HAGL",))))
+    check = rows_in_time(table_with(log, "XKF5", (("NI",), ("HAGL",))))
     check[:, 1] /= 100.0
     return GroundSensors(
         _logged_flow(log),
@@ -184,17 +184,9 @@ def ground_sensors_in(log: LogColumns) -> GroundSensors:
     )
 
 
-def _timed(table: Floats) -> Floats:
-    """Return rows of us and numbers in the order of their times, without those whose time damage made up."""
-    table = table[np.isfinite(table[:, 0])]
-    if len(table):
-        table = table[np.abs(table[:, 0] - np.median(table[:, 0])) < 1e6 * IMPOSSIBLE_S]
-    return np.asarray(table[np.argsort(table[:, 0], kind="stable")], dtype=np.float64)
-
-
 def _of_first(log: LogColumns, kind: str, index: str, labels: tuple[str, ...]) -> Floats:
     """Return time and fields of the records of the first of several sensors or cores."""
-    table = _timed(table_with(log, kind, ((index,), *((label,) for label in labels))))
+    table = rows_in_time(table_with(log, kind, ((index,), *((label,) for label in labels))))
     table = np.delete(table[np.nan_to_num(table[:, 1]) == 0], 1, axis=1)
     return np.asarray(table[np.isfinite(table).all(axis=1)], dtype=np.float64)
 
@@ -204,7 +196,7 @@ def _logged_flow(log: LogColumns) -> tuple[FlowSeries, ...]:
     origin, rows = "OF", table_with(log, "OF", (("Qual",), ("flowX",), ("flowY",), ("bodyX",), ("bodyY",)))
     if not len(rows):
         origin, rows = "ROFH", _handed_over(log)
-    rows = _timed(rows)
+    rows = rows_in_time(rows)
     if not len(rows):
         return ()
     quality = np.nan_to_num(rows[:, 1]).astype(np.int64)
@@ -226,7 +218,7 @@ def _logged_ranges(log: LogColumns) -> tuple[RangeSeries, ...]:
     """Return what RFND records say, or else what the filter was given; without a status a distance above 0 is good."""
     labels = (("Instance", "I"), ("Dist", "Dist1"), ("Stat",), ("Orient", "Orient1"))
     origin = "RFND" if log.counts.get("RFND") else "RRNI"
-    rows = _timed(table_with(log, "RFND", labels) if origin == "RFND" else _given(log))
+    rows = rows_in_time(table_with(log, "RFND", labels) if origin == "RFND" else _given(log))
     rows = rows[np.isfinite(rows[:, [2, 4]]).all(axis=1)]
     status = np.where(rows[:, 2] > 0, float(RangeStatus.GOOD), float(RangeStatus.NO_DATA))
     rows[:, 3] = np.where(np.isfinite(rows[:, 3]), rows[:, 3], status)

@@ -19,7 +19,7 @@ from viso.doctor.measures.own_filter import (
     spans_between,
 )
 from viso.doctor.measures.tracks import Floats, Ints
-from viso.estimators.series import IMPOSSIBLE_S, Series
+from viso.estimators.series import Series, rows_in_time
 from viso.logs.event_names import (
     ERR_EKF_FAILSAFE,
     ERR_EKFCHECK,
@@ -86,9 +86,8 @@ def _armed(log: LogColumns, time_us: Ints) -> tuple[tuple[float, float], ...] | 
         known = {EV_ARMED: True, EV_DISARMED: False}
         states = [(time, known[event]) for time, event in rows_of(log, "EV", "Id") if event in known]
     spoken = [time for kind in ("PARM", "MSG", "EV", "ARM") for (time,) in rows_of(log, kind)]
-    every_us = np.array([*spoken, *time_us.tolist()], dtype=np.float64)
-    every_us = every_us[np.abs(every_us - np.median(every_us)) < 1e6 * IMPOSSIBLE_S] if len(every_us) else np.zeros(1)
-    start_us, end_us = int(every_us.min()), int(every_us.max())
+    every_us = rows_in_time(np.array([*spoken, *time_us.tolist()], dtype=np.float64)[:, None]).ravel()
+    start_us, end_us = (int(every_us[0]), int(every_us[-1])) if len(every_us) else (0, 0)
     if states:
         return spans_between(states, start_us, max(end_us, states[-1][0]))
     while_armed_only = any(name == "LOG_DISARMED" and value == 0 for _, name, value in parameters_in(log))
