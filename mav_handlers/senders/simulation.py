@@ -2,14 +2,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The truth of a vehicle that flies, as the firmware's simulator tells it (SITL/SITL.cpp)."""
 
-from typing import Final
-
 from ap_core.location import Location
 from mav_handlers.channel import Channel
 from mav_handlers.ports import FlightTruth, VehiclePort
+from mav_handlers.senders.position import NOWHERE
 from mav_handlers.wire.messages import SIM_STATE, SIMSTATE
-
-_NOWHERE: Final = Location(0, 0, 0)
 
 
 def _truth(vehicle: VehiclePort) -> tuple[FlightTruth, Location] | None:
@@ -17,7 +14,7 @@ def _truth(vehicle: VehiclePort) -> tuple[FlightTruth, Location] | None:
     if flight is None:
         return None
     truth = flight.truth()
-    return truth, truth.place or _NOWHERE
+    return truth, truth.place or NOWHERE
 
 
 def simstate(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SIMSTATE | None:

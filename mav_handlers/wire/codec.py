@@ -136,26 +136,11 @@ def _to_message(raw: Any) -> Message | None:
 
 
 def _to_header(raw: Any) -> Header:
-    frame = bytes(raw.get_msgbuf())
-    version = 1 if frame[0] == dialect.PROTOCOL_MARKER_V1 else 2
-    return Header(
-        raw.get_type(),
-        raw.get_msgId() if raw.get_msgId() >= 0 else raw.get_header().msgId,
-        raw.get_srcSystem(),
-        raw.get_srcComponent(),
-        raw.get_seq(),
-        version,
-        frame,
-    )
-
-
-def _unknown_header(raw: Any) -> Header:
     # pymavlink leaves the header of a message it does not know empty.
-    frame = bytes(raw.get_msgbuf())
+    frame, name = bytes(raw.get_msgbuf()), raw.get_type()
     if frame[0] == dialect.PROTOCOL_MARKER_V1:
-        return Header(f"UNKNOWN_{frame[5]}", frame[5], frame[3], frame[4], frame[2], 1, frame)
-    msg_id = frame[7] | (frame[8] << 8) | (frame[9] << 16)
-    return Header(f"UNKNOWN_{msg_id}", msg_id, frame[5], frame[6], frame[4], 2, frame)
+        return Header(name, frame[5], frame[3], frame[4], frame[2], 1, frame)
+    return Header(name, int.from_bytes(frame[7:10], "little"), frame[5], frame[6], frame[4], 2, frame)
 
 
 def _without_extensions(frame: bytes, layout: _Layout) -> bytes:
@@ -232,11 +217,8 @@ class Codec:
         raw = mav.parse_char(b"")
         if raw is None:
             return None
-        kind = raw.get_type()
-        if kind == "BAD_DATA":
+        if raw.get_type() == "BAD_DATA":
             return BadData(str(raw.reason), len(raw.data))
-        if kind.startswith("UNKNOWN_"):
-            return Received(_unknown_header(raw), None)
         return Received(_to_header(raw), _to_message(raw))
 
     def _next_plain(self) -> Received | None:
