@@ -125,17 +125,13 @@ FLOW_LIMIT_LATER: Final = "FLOW_MAX"
 """The same in the master of February 2026."""
 
 
-def ekf3_var_info(flow_limit: str = FLOW_LIMIT) -> tuple[ParamInfo, ...]:
-    """Return the rows; one of them is called ``flow_limit``."""
-    return (
+def make_ekf3_group(flow_limit: str = FLOW_LIMIT) -> ParamGroup:
+    """Return the EK3_ group with Copter's defaults; ``flow_limit`` is what the release calls that row."""
+    rows = (
         *_BEFORE_FLOW,
         ParamInfo(flow_limit, FLOAT, 2.5, "Greatest optical flow rate that is used", "rad/s", (1.0, 4.0)),
         *_AFTER_FLOW,
         *(row for number in range(1, NUMBER_OF_SOURCE_SETS + 1) for row in _source_set(number)),
         *_AFTER_SOURCES,
     )
-
-
-def make_ekf3_group(flow_limit: str = FLOW_LIMIT) -> ParamGroup:
-    """Return the EK3_ group with Copter's defaults; ``flow_limit`` is what the release calls that row."""
-    return ParamGroup("EK3_", ekf3_var_info(flow_limit), top_level_prefix="EK3_")
+    return ParamGroup("EK3_", rows, top_level_prefix="EK3_")

@@ -7,6 +7,7 @@ Types, defaults and order: ArduCopter/Parameters.cpp, GCS_MAVLink/GCS_MAVLink_Pa
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -138,8 +139,8 @@ def _mav_groups(rows: Sequence[ParamInfo], number_of_links: int) -> list[ParamGr
     return [ParamGroup("MAV", rows, top_level_prefix="MAV"), *links]
 
 
-def _mav_links(number_of_links: int) -> list[ParamGroup]:
-    return _mav_groups((*_MAV_IDS, *_MAV_BEHAVIOUR), number_of_links)
+_mav_links: Final = partial(_mav_groups, (*_MAV_IDS, *_MAV_BEHAVIOUR))
+_mav_links_with_range: Final = partial(_mav_groups, (*_MAV_IDS, _GCS_SYSID_HI, *_MAV_BEHAVIOUR))
 
 
 # Up to 4.6
@@ -179,11 +180,6 @@ _SKIPCHK: Final = ParamInfo(
 _ARMING_LATER: Final = (*(row for row in copter.ARMING if row.name != "CHECK"), _SKIPCHK)
 
 # Since February 2026
-
-
-def _mav_links_with_range(number_of_links: int) -> list[ParamGroup]:
-    return _mav_groups((*_MAV_IDS, _GCS_SYSID_HI, *_MAV_BEHAVIOUR), number_of_links)
-
 
 # FIRMWARE PARITY: with bits of AHRS_OPTIONS the firmware keeps its origin here and takes it from here; not so here.
 _ORIGIN: Final = (
@@ -232,7 +228,15 @@ ALL_RENAMES: Final[Renames] = {**_RENAMES_OF_FEBRUARY_2026, **flying.ALL_RENAMES
 
 
 REFERENCE: Final = ParameterRelease(
-    (), _no_links, (), _mav_links, INT32, copter.ARMING, "CHECK", checks_to_make, RENAMES_OF_4_7
+    (),
+    _no_links,
+    (),
+    _mav_links,
+    INT32,
+    copter.ARMING,
+    "CHECK",
+    checks_to_make,
+    RENAMES_OF_4_7,
 )
 """The master of October 2025."""
 

@@ -16,7 +16,7 @@ from ap_core.sinks import RecordSink, TextSink
 from ekf_stub.inputs.gps_sample import FIX_3D, USUAL_LAG_S, GpsSample
 from mav_handlers.wire.messages import GPS_INPUT
 from viso.firmware.log_releases import GPA, GPS
-from viso.vehicle.gps_driver import UNKNOWN_DOP, GpsState, MavlinkGpsDriver
+from viso.vehicle.gps_driver import MS_PER_WEEK, UNKNOWN_DOP, GpsState, MavlinkGpsDriver
 
 GPS_TYPE_NONE: Final = 0
 GPS_TYPE_AUTO: Final = 1
@@ -39,7 +39,6 @@ _ACCURACY_LIMIT: Final = 65535
 _DEFAULT_YAW_ACCURACY_DEG: Final = 10
 _NO_ELLIPSOID_HEIGHT: Final = -(1 << 31)
 _UNIX_TIME_OF_GPS_WEEK_0_MS: Final = 315_964_800_000 - 18_000  # with the leap seconds since
-_MS_PER_WEEK: Final = 604_800_000
 
 
 class MavlinkGps:
@@ -205,7 +204,7 @@ class MavlinkGps:
     def _tell_time(self) -> None:
         state = self._state
         if state.status >= FIX_3D and state.time_week:
-            fix_ms = _UNIX_TIME_OF_GPS_WEEK_0_MS + state.time_week * _MS_PER_WEEK + state.time_week_ms
+            fix_ms = _UNIX_TIME_OF_GPS_WEEK_0_MS + state.time_week * MS_PER_WEEK + state.time_week_ms
             self._set_utc_us(fix_ms * 1000 + self._clock.micros64() - state.corrected_ms * 1000)
 
     def _log(self) -> None:

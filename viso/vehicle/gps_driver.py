@@ -18,8 +18,8 @@ from mav_handlers.wire.messages import GPS_INPUT
 
 UNKNOWN_DOP: Final = 65535
 MAX_LAG_MS: Final = 2000
+MS_PER_WEEK: Final = 604_800_000
 
-_MS_PER_WEEK: Final = 604_800_000
 _CENTI: Final = f32(0.01)
 _HUNDRED: Final = f32(100)
 
@@ -104,7 +104,7 @@ class MavlinkGpsDriver:
     def _correct_time(self, packet: GPS_INPUT, state: GpsState, now_ms: int) -> None:
         if self._first_week == 0:
             self._first_week = packet.time_week
-        timestamp_ms = u32((packet.time_week - self._first_week) * _MS_PER_WEEK + packet.time_week_ms)
+        timestamp_ms = u32((packet.time_week - self._first_week) * MS_PER_WEEK + packet.time_week_ms)
         corrected_us = self._jitter.correct_offboard_timestamp_usec(timestamp_ms * 1000, now_ms * 1000)
         state.corrected_ms = u32(corrected_us // 1000)
         state.corrected_ms_updated = True

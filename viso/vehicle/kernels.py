@@ -27,10 +27,6 @@ NUMBA: Final = "numba"
 _log = logging.getLogger(__name__)
 
 
-def _plain() -> Kernel:
-    return PLAIN_KERNEL
-
-
 def _tell_compiled(number: int, count: int) -> None:
     _log.warning("compiling the filter, once on this machine: %d of %d", number, count)
 
@@ -96,7 +92,7 @@ def _compiled() -> Kernel:
     return _loader.kernel or PLAIN_KERNEL
 
 
-KERNELS: Final[Mapping[str, Callable[[], Kernel]]] = {PLAIN: _plain, NUMBA: _compiled}
+KERNELS: Final[Mapping[str, Callable[[], Kernel]]] = {PLAIN: lambda: PLAIN_KERNEL, NUMBA: _compiled}
 """What finds a kernel, by its name; one row each."""
 
 

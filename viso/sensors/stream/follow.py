@@ -78,7 +78,7 @@ class FollowSource(UnmovedSource):
     @property
     def jumps(self) -> Counter[str]:
         """How many jumps there were, by ``position``, ``yaw`` and ``reset``."""
-        return Counter() if self._follower is None else self._follower.jumps
+        return Counter() if self._follower is None else self._follower.frame.jumps
 
     # What the vehicle's sensors say
 

@@ -3,7 +3,6 @@
 """Makes of a stream of poses, with all its jumps and gaps, a movement for the vehicle to follow."""
 
 import math
-from collections import Counter
 from typing import Final
 
 from viso.sensors.attitude import rotation_between
@@ -20,7 +19,7 @@ class StreamFollower:
     """Where the vehicle should be, as the stream tells from its first pose on."""
 
     def __init__(self, first: Pose, vehicle: Movement) -> None:
-        self._frame = StreamFrame(first, vehicle)
+        self.frame = StreamFrame(first, vehicle)
         self.begin_again(first, vehicle, is_reset=False)
 
     @property
@@ -28,19 +27,14 @@ class StreamFollower:
         """When the newest pose was observed, s since boot."""
         return self._last.time_s
 
-    @property
-    def jumps(self) -> Counter[str]:
-        """How many jumps there were, by ``position``, ``yaw`` and ``reset``."""
-        return self._frame.jumps
-
     def target(self, time_s: float) -> Movement:
         """Return the movement to follow at a time."""
         return self._tracker.at(time_s)
 
     def begin_again(self, pose: Pose, vehicle: Movement, *, is_reset: bool) -> bool:
         """Take a pose after a gap, in which the vehicle went its own way; say whether it says where that is."""
-        has_jumped = self._frame.settle_jump(pose, vehicle, LONGEST_INTERVAL_S, is_reset=is_reset)
-        shown = self._frame.apply(pose)
+        has_jumped = self.frame.settle_jump(pose, vehicle, LONGEST_INTERVAL_S, is_reset=is_reset)
+        shown = self.frame.apply(pose)
         start = vehicle._replace(pos=shown.pos, acc=ZERO, quat=shown.quat, rate=ZERO)
         self._tracker = StreamTracker(pose.time_s, start)
         self._last = pose
@@ -51,8 +45,8 @@ class StreamFollower:
         """Take a pose, later than the last; say whether it says where the vehicle is, and not that of a jump."""
         interval_s = min(pose.time_s - self.time_s, LONGEST_INTERVAL_S)
         expected, steady = self._tracker.at(pose.time_s), self._steady(pose.time_s)
-        has_jumped = self._frame.settle_jump(pose, expected, interval_s, steady=steady, is_reset=is_reset)
-        self._tracker.take(*self._frame.apply(pose))
+        has_jumped = self.frame.settle_jump(pose, expected, interval_s, steady=steady, is_reset=is_reset)
+        self._tracker.take(*self.frame.apply(pose))
         self._last, self._before_last = pose, self._last
         return not has_jumped
 
