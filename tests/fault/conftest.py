@@ -21,9 +21,11 @@ from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, PARAM_REQUEST_READ, 
 from viso.logs.files import LogStore
 from viso.parameters.store import ParamStore
 from viso.running.virtual_time import Scheduler
-from viso.vehicle.vehicle import Vehicle, VehicleConfig
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
 BOOTED_US = 5_000_000
+BOOTING_PERIOD_US = 10_000
+"""Of the main loop until then: as seldom as the sensors allow."""
 LONGEST_FRAME_BYTES = 280
 LONGEST_REPLY_BYTES = 8 * LONGEST_FRAME_BYTES
 KNOWN_REASONS = {"bad_prefix", "bad_crc", "bad_frame"}
@@ -79,7 +81,9 @@ class Bench:
         self._delivered = [0] * links
         self.on_event: Callable[[MessageEvent], None] = lambda _event: None
         self.endpoint.on_event = self._take_event
+        self.scheduler.period_us = BOOTING_PERIOD_US
         self.scheduler.run_until(BOOTED_US)
+        self.scheduler.period_us = LOOP_PERIOD_US
         self.read_all()
 
     def _take_event(self, event: MessageEvent) -> None:

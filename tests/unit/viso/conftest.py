@@ -42,9 +42,11 @@ from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.flow import MavlinkFlow
 from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA
 from viso.vehicle.ranges import MavlinkRanges
-from viso.vehicle.vehicle import Vehicle, VehicleConfig, bench
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 
 BOOTED_US = 6_000_000
+BOOTING_PERIOD_US = 10_000
+"""Of the main loop until then: as seldom as the sensors allow."""
 
 
 @pytest.fixture
@@ -88,7 +90,9 @@ class Bench:
 
     def boot(self) -> None:
         """Run the main loop until booting is over, and forget what was said."""
+        self.scheduler.period_us = BOOTING_PERIOD_US
         self.run_to(BOOTED_US * 1e-6)
+        self.scheduler.period_us = LOOP_PERIOD_US
         self.texts.clear()
 
     def run_to(self, time_s: float) -> None:

@@ -34,7 +34,7 @@ from mav_handlers.wire.messages import (
 from viso.logs.files import LogStore
 from viso.parameters.store import ParamStore
 from viso.running.virtual_time import Scheduler
-from viso.vehicle.vehicle import Vehicle, VehicleConfig
+from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
 M = TypeVar("M", bound=Message)
 
@@ -43,6 +43,8 @@ ALIVE = HEARTBEAT(6, 8, 0, 0, 4, 3)
 KEY = tuple(hashlib.sha256(b"a key").digest())
 OPEN_RO, READ, BURST, LIST = 4, 5, 15, 3
 EOF = 6
+BOOTING_PERIOD_US = 10_000
+"""Of the main loop while nobody looks: as seldom as the sensors allow."""
 
 
 class Peer:
@@ -86,7 +88,9 @@ class Rig:
         self.scheduler = Scheduler(self.vehicle)
         self.ground = Peer(self, 0, 255, 190)
         self.companion = Peer(self, 1, 1, 197)
+        self.scheduler.period_us = BOOTING_PERIOD_US
         self.run(5.0)
+        self.scheduler.period_us = LOOP_PERIOD_US
         for peer in (self.ground, self.companion):
             peer.send(ALIVE)
         self.run(0.1)

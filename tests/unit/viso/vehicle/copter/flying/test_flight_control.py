@@ -5,7 +5,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import cache
 
 import pytest
 
@@ -14,13 +14,12 @@ from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.ports import GuidedTarget
+from tests.copies import Copies
+from tests.unit.viso.conftest import CopterRig
 from viso.sensors.flying.source import FlyingSource
 from viso.sensors.options import ImuOptions
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.modes import ModeNumber, ModeReason
-
-if TYPE_CHECKING:
-    from tests.unit.viso.conftest import CopterRig
 
 PERIOD_US = 20_000
 PLACE = Location(473977420, 85455940, 48800)
@@ -43,7 +42,7 @@ class Flyer:
         is_lost: the estimator has no position.
     """
 
-    def __init__(self, rig: "CopterRig") -> None:
+    def __init__(self, rig: CopterRig) -> None:
         self.airframe = FlyingSource(ImuOptions())
         self.rig = rig
         rig.copter = Copter(replace(rig.copter._parts, airframe=self.airframe))
@@ -99,16 +98,23 @@ class Flyer:
 
 
 @pytest.fixture
-def flyer(rig: "CopterRig") -> Flyer:
+def flyer(rig: CopterRig) -> Flyer:
     """Return a vehicle on the ground."""
     return Flyer(rig)
 
 
-@pytest.fixture
-def up(flyer: Flyer) -> Flyer:
-    """Return a vehicle in GUIDED, 5 m above the ground."""
+@cache
+def taken_off() -> Copies[Flyer]:
+    """Return a vehicle that has taken off, to be copied."""
+    flyer = Flyer(CopterRig())
     flyer.take_off()
-    return flyer
+    return Copies(flyer)
+
+
+@pytest.fixture
+def up() -> Flyer:
+    """Return a vehicle in GUIDED, 5 m above the ground."""
+    return taken_off().make()
 
 
 def test_armed_vehicle_stands_until_it_takes_off(flyer: Flyer) -> None:
