@@ -9,13 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
-import numpy as np
 import typer
 
 from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS
-from viso.companion.trials.evaluation import TimedPoses
 from viso.doctor.evidence import Assumed
 from viso.doctor.measures.vehicle_position import PositionSeries, position_in
 from viso.doctor.trial_parameters import fitting, vision_carried
@@ -43,7 +41,7 @@ from viso.options.settings import first_of, load_settings, needing_reboot, parse
 from viso.replay import versus as versus_runs
 from viso.replay.comparison import compare, comparison_rows, comparison_tables, setting_lines
 from viso.replay.feed import ReplayedMessage
-from viso.replay.figures import Judge, Row
+from viso.replay.figures import Judge, Row, timed_places
 from viso.replay.merit import merit_lines, merit_rows, merit_table
 from viso.replay.observability import doubts
 from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay, why_nothing_fused
@@ -266,7 +264,7 @@ def _run_all(
     recorder: "ReplayRecorder | None",
 ) -> tuple[list[ReplayOutcome], list[Judge]]:
     """Replay a stream one way after the other; files are of the last run."""
-    judges = [Judge(None if truth is None else _poses_of(truth)) for _ in runs]
+    judges = [Judge(None if truth is None else timed_places(truth.time_us, truth.ned_m)) for _ in runs]
     with (
         nullcontext() if records is None else write_text(records) as sink,
         nullcontext() if log is None else single_log(log) as open_log,
@@ -298,11 +296,6 @@ def _run_all(
             )
 
         return [outcome_of(index, run) for index, run in enumerate(runs)], judges
-
-
-def _poses_of(places: PositionSeries) -> TimedPoses:
-    kept = np.diff(places.time_us, prepend=-1) > 0
-    return TimedPoses(places.time_us[kept] * 1000, places.ned_m[kept], np.tile((1.0, 0.0, 0.0, 0.0), (kept.sum(), 1)))
 
 
 def _note(stream: Stream, firmware: Firmware, outcome: ReplayOutcome, at_boot: Sequence[str]) -> None:

@@ -154,9 +154,9 @@ def _draw(
         for number, kind in enumerate(FIGURES, 1):
             figure = kind.draw(material, facts)
             if figure is not None:
-                for folder, suffix, convert in ((png, "png", drawing.as_png), (svg, "svg", drawing.as_svg)):
+                for folder, form in ((png, "png"), (svg, "svg")):
                     if folder is not None:
-                        written.append(_write(folder / f"{kind.name}.{suffix}", convert(figure)))
+                        written.append(_write(folder / f"{kind.name}.{form}", drawing.saved(figure, form)))
             if is_pdf:
                 drawn += [] if figure is None else [figure]
             elif page is not None:

@@ -42,6 +42,7 @@ from viso.recording.clock import RATE_SPAN_US, AutopilotClock
 from viso.recording.log_download import LogPieces
 from viso.recording.scenario import Ask, Change, Dropout, Jump, Pause, Scenario, Send, Set, Start, Step, Until
 from viso.recording.vision import Pose, VisionStream
+from viso.streams.heard import is_autopilot
 
 T = TypeVar("T")
 Task = Generator[int, None, T]
@@ -65,7 +66,6 @@ _EKF_HZ: Final = 10
 _ARMED: Final = 0x80
 _GROUND_STATION: Final = 255, 190
 _UNASKED: Final = frozenset({"HEARTBEAT", "TIMESYNC"})
-_MAV_AUTOPILOT_INVALID: Final = 8
 _MODE_LAND: Final = 9
 _M_PER_DEG: Final = 111_318.845
 
@@ -225,7 +225,7 @@ class Recorder:
         header, message = received.header, received.message
         source = header.system_id, header.component_id
         if self._target is None:
-            if not isinstance(message, HEARTBEAT) or message.autopilot == _MAV_AUTOPILOT_INVALID or source[1] != 1:
+            if not is_autopilot(header.component_id, message):
                 return
             self._target = source
             self._companion.system_id = source[0]

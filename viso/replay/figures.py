@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from ap_core.verdict import Outcome
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
@@ -44,7 +45,6 @@ _GATES: Final[Mapping[str, str]] = {
 _TIME, _CORRECTED = 0, 2  # of VISP and VISV: TimeUS, CTimeMS
 _STAMPED: Final = ("VISP", "VISV")
 _WARNING: Final = 4  # MAV_SEVERITY
-_NO_ROTATION: Final = (1.0, 0.0, 0.0, 0.0)
 _GAP_US: Final = 500_000
 
 
@@ -233,12 +233,18 @@ class Judge:
         row: Row = {"log_m": _distance(np.array(times_us, np.float64), places, self._track)}
         if self._truth is None:
             return row
-        estimate = TimedPoses(np.array(times_us, np.int64) * 1000, places, np.tile(_NO_ROTATION, (len(places), 1)))
+        estimate = timed_places(np.array(times_us, np.int64), places)
         try:
             error = absolute_error(estimate, self._truth)
         except EvaluationError:
             return {**row, "ate_poses": 0}
         return {**row, "ate_m": error.rmse_m, "ate_poses": error.count}
+
+
+def timed_places(time_us: npt.NDArray[np.int64], places: Array) -> TimedPoses:
+    """Return places without attitudes; of those that are not later than the one before nothing is left."""
+    kept = np.diff(time_us, prepend=-1) > 0
+    return TimedPoses(time_us[kept] * 1000, places[kept], np.tile((1.0, 0.0, 0.0, 0.0), (kept.sum(), 1)))
 
 
 def _distance(time_us: Array, places: Array, track: Array) -> float | None:
