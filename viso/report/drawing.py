@@ -127,14 +127,12 @@ def legend(axes: Any, columns: int = 4) -> None:
         )  # fmt: skip
 
 
-def as_png(figure: Figure) -> bytes:
-    """Return a figure as PNG, on white."""
-    return _saved(figure, "png")
-
-
-def as_svg(figure: Figure) -> bytes:
-    """Return a figure as an SVG file, on white."""
-    return _saved(figure, "svg")
+def saved(figure: Figure, form: str, ground: str = "white") -> bytes:
+    """Return a figure as a file of a form, png or svg."""
+    data = io.BytesIO()
+    metadata = {"Date": None} if form == "svg" else None
+    figure.savefig(data, format=form, facecolor=ground, metadata=metadata)
+    return data.getvalue()
 
 
 def as_pdf(title: str, lines: Sequence[str], figures: Sequence[Figure]) -> bytes:
@@ -155,20 +153,13 @@ def as_pdf(title: str, lines: Sequence[str], figures: Sequence[Figure]) -> bytes
     return data.getvalue()
 
 
-def _saved(figure: Figure, form: str, ground: str = "white") -> bytes:
-    data = io.BytesIO()
-    metadata = {"Date": None} if form == "svg" else None
-    figure.savefig(data, format=form, facecolor=ground, metadata=metadata)
-    return data.getvalue()
-
-
 def as_inline_svg(figure: Figure, name: str, title: str) -> str:
     """Return a figure as an element of a page, whose style sheet gives the colour of texts: var(--ink).
 
     Its ids begin with its name, which no other figure of the page has. The title must not hold markup.
     """
     with matplotlib.rc_context({"svg.hashsalt": name}):
-        text = _saved(figure, "svg", "none").decode()
+        text = saved(figure, "svg", "none").decode()
     text = text[text.index("<svg") :]
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, count=1, flags=re.DOTALL)
     text = re.sub(r"\s*<!--.*?-->", "", text, flags=re.DOTALL)

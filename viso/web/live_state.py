@@ -97,6 +97,9 @@ class LiveState:
         self._new_texts: list[list[Any]] = []
         self._changed_params: dict[str, Any] = {}
         self._has_new_table = False
+        self._start_point()
+
+    def _start_point(self) -> None:
         self._lags_ms: list[float] = []
         self._qualities: list[int] = []
         self._vision: dict[str, Any] | None = None
@@ -117,10 +120,7 @@ class LiveState:
         self._firmware = firmware
         self._points.clear()
         self._pre_arm, self._pre_arm_us = [], -1
-        self._vision = None
-        self._innovations = {}
-        self._lags_ms = []
-        self._qualities = []
+        self._start_point()
         self._now_us = 0
         if self._boots > 1:
             self._add_text(0, 6, "— restart —")
