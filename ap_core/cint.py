@@ -62,6 +62,11 @@ def int_of_float(value: float) -> int:
     return truncated if _I32_MIN <= truncated <= _I32_MAX else _I32_MIN
 
 
+def int64_of_float(value: float) -> int:
+    """Convert to a signed 64-bit integer by truncation; NaN and values out of range give the least, as on x86-64."""
+    return math.trunc(value) if _I64_MIN <= value <= _I64_MAX else _I64_MIN
+
+
 def float_of_u64(value: int) -> np.float32:
     """Convert an unsigned 64-bit integer to float32 with a single rounding."""
     return np.float32(np.uint64(u64(value)).astype(np.float32))

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from ap_core.cint import i32, int_of_float
+from ap_core.cint import i32, int64_of_float, int_of_float
 from ap_core.fmath import M_PI, cosf, f32
 from ap_core.vector3 import Vector3f
 
@@ -19,7 +19,6 @@ _UNITS_PER_METRE: Final = float(f32(89.83204953368922))
 _RADIANS_PER_UNIT: Final = f32(f32(1.0e-7) * f32(M_PI / f32(180)))
 _CENTI: Final = f32(0.01)
 _MIN_LONGITUDE_SCALE: Final = float(_CENTI)
-_I64_LIMIT: Final = 1 << 63
 
 
 def longitude_scale(lat: int) -> float:
@@ -56,10 +55,6 @@ def _half(value: int) -> int:
     return math.trunc(value / 2)
 
 
-def _int64_of_float(value: float) -> int:
-    return math.trunc(value) if abs(value) < _I64_LIMIT else -_I64_LIMIT
-
-
 @dataclass(frozen=True, slots=True)
 class Location:
     """A place: latitude and longitude in 1e-7 deg, altitude in cm above mean sea level."""
@@ -87,6 +82,6 @@ class Location:
         Source: Location::offset, Location::offset_latlng.
         """
         dlat = int_of_float(float(ned.x) * _UNITS_PER_METRE)
-        dlng = _int64_of_float(float(ned.y) * _UNITS_PER_METRE / longitude_scale(i32(self.lat + _half(dlat))))
+        dlng = int64_of_float(float(ned.y) * _UNITS_PER_METRE / longitude_scale(i32(self.lat + _half(dlat))))
         alt_cm = int_of_float(self.alt_cm - float(ned.z) * 100)
         return Location(limit_latitude(i32(self.lat + dlat)), wrap_longitude(dlng + self.lng), alt_cm)

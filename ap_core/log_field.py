@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.cint import int_of_float
+from ap_core.cint import int64_of_float, int_of_float
 
 LogValue = int | float | np.float32 | np.float64 | str | bytes
 """What a field may be given: integers are raw, floats physical, text and bytes for the text formats."""
@@ -27,11 +27,6 @@ FLOAT_TYPES: Final = (float, np.floating)
 _I64_LIMIT: Final = 1 << 63
 
 
-def _int_of_float_wide(value: float) -> int:
-    # x86-64 converts to uint32 and to 64-bit types through a 64-bit register.
-    return math.trunc(value) if -_I64_LIMIT <= value < _I64_LIMIT else -_I64_LIMIT
-
-
 def scaled(value: float | np.floating, scale: int) -> float:
     """Return what an integer field takes of a physical value before it cuts off the rest."""
     product = float(value) * scale
@@ -43,7 +38,7 @@ def scaled(value: float | np.floating, scale: int) -> float:
 def _integer(bits: int, *, wide: bool = False, scale: int = 1) -> Converter:
     """Make the converter of an integer field: floats are multiplied and truncated, everything wraps."""
     mask = (1 << bits) - 1
-    truncate = _int_of_float_wide if wide else int_of_float
+    truncate = int64_of_float if wide else int_of_float  # x86-64 converts to uint32 through a 64-bit register as well
 
     def convert(value: LogValue) -> int:
         if isinstance(value, _TEXT_TYPES):

@@ -76,6 +76,14 @@ def test_int_min_itself_is_in_range(value: float) -> None:
     assert cint.int_of_float(value) == INT_MIN
 
 
+@pytest.mark.parametrize(("value", "expected"), [
+    *((1.9, 1), (-1.9, -1), (9223372036854774784.0, 9223372036854774784), (-9223372036854775808.0, -(1 << 63))),
+    *((value, -(1 << 63)) for value in (math.nan, math.inf, -math.inf, 9223372036854775808.0, -1e30)),
+])  # fmt: skip
+def test_float_of_64_bits_is_truncated_or_the_least(value: float, expected: int) -> None:
+    assert cint.int64_of_float(value) == expected
+
+
 def nearest_float32(value: int) -> Fraction:
     """Round an integer to 24 bits, ties to even, in exact arithmetic."""
     spacing = 1 << max(0, value.bit_length() - 24)
