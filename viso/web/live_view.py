@@ -29,7 +29,6 @@ class LiveView:
         links: those of the vehicle.
         banner: what the vehicle claims to be, and where it listens.
         speedup: seconds of the vehicle for one of the wall clock.
-        now_s: a monotonic clock in seconds.
 
     Attributes:
         links: the links with faults in them, to be used in place of the others.
@@ -41,23 +40,15 @@ class LiveView:
         InputError: the address cannot be used, or what serves the page is not installed.
     """
 
-    def __init__(
-        self,
-        address: str,
-        links: Sequence[Link],
-        banner: str,
-        *,
-        speedup: float = 1.0,
-        now_s: Callable[[], float] = NOW_S,
-    ) -> None:
+    def __init__(self, address: str, links: Sequence[Link], banner: str, *, speedup: float = 1.0) -> None:
         try:
             from viso.web.server import Broadcaster, PageServer, make_app
         except ModuleNotFoundError as error:
             raise InputError(MISSING_EXTRA) from error
-        self.links = [FaultyLink(link, lambda: int(now_s() * speedup * 1e6)) for link in links]
+        self.links = [FaultyLink(link, lambda: int(NOW_S() * speedup * 1e6)) for link in links]
         switches = FaultSwitches(self.links)
         desk = Desk(switches)
-        self.feed = Feed(desk, switches, links=links, now_s=now_s)
+        self.feed = Feed(desk, switches, links=links, now_s=NOW_S)
         listening, host = _listen(address)
         bound = listening.getsockname()
         self.url = f"http://{host}:{bound[1]}/"
