@@ -3,7 +3,6 @@
 """What an injector has done, as tables and for machine-readable output."""
 
 import math
-from collections.abc import Mapping
 
 from rich.table import Column, Table
 
@@ -17,17 +16,14 @@ def when(entry: Entry) -> str:
     return f"from {entry.start_s:g} s" if entry.end_s == math.inf else f"{entry.start_s:g} to {entry.end_s:g} s"
 
 
-def _reasons(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {reason}" for reason, count in sorted(counts.items()))
-
-
 def entry_table(tally: Tally) -> Table:
     """Return a table of what each entry has done."""
     counts = [Column(head, justify="right") for head in ("met", "happened to", "lost", "added")]
     table = Table("", "fault", "when", *counts, "passed over", title="What the faults did")
     for row in tally.entries:
         figures = map(str, (row.met, row.done, row.lost, row.added))
-        table.add_row(str(row.number), row.entry.kind, when(row.entry), *figures, _reasons(row.passed_over))
+        reasons = ", ".join(f"{count} {reason}" for reason, count in sorted(row.passed_over.items()))
+        table.add_row(str(row.number), row.entry.kind, when(row.entry), *figures, reasons)
     return table
 
 

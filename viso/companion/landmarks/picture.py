@@ -44,6 +44,7 @@ _ON_IT: Final = (0.0, -3.0)
 _ROOM_PX: Final = 40.0  # an arrow that is longer has room for an id on it
 _LABEL_PT: Final = 16
 _LABEL_SHARE: Final = 0.2  # of the width of a panel
+_LONGEST_TEXT: Final = 60
 _VEHICLE: Final = "black"
 _ESTIMATED: Final = "#b00020"
 
@@ -192,11 +193,8 @@ def _outside(scene: Scene) -> str:
     unmatched = (*scene.landmark_residuals.unmatched, *scene.aircraft_residuals.unmatched)
     if unmatched:
         parts.append(f"unmatched: {', '.join(unmatched)}")
-    return _short("; ".join(parts))
-
-
-def _short(text: str, limit: int = 60) -> str:
-    return text if len(text) <= limit else f"{text[: limit - 3]}..."
+    text = "; ".join(parts)
+    return text if len(text) <= _LONGEST_TEXT else f"{text[: _LONGEST_TEXT - 3]}..."
 
 
 def _is_visible(axes: Any, at: tuple[float, float] | None) -> bool:

@@ -68,10 +68,7 @@ class RecordedEngine:
         time_us = playback.clock.time_us(self._next_taken_us())
         report = Report(time_us, pose, before, resets % 256, playback.quality, playback.encoding)
         self._previous = replace(report, previous=None)  # no chain through the whole flight
-        self._advance()
-        return playback.form.encode(report)
-
-    def _advance(self) -> None:
         self._next += 1
-        if self._next == len(self._trajectory) and self._playback.loop:
+        if self._next == len(self._trajectory) and playback.loop:
             self._next, self._lap = 0, self._lap + 1
+        return playback.form.encode(report)

@@ -36,25 +36,23 @@ class Flight:
         """When the vehicle is on the ground again."""
         return self.start_s + 2 * self.climb_s + self.loop_s
 
-    def _loop_phase(self, time_s: float) -> float:
-        elapsed = time_s - self.start_s - self.climb_s
-        return _smooth_step(elapsed / self.loop_s) * 2 * math.pi
-
     def position_ned(self, time_s: float) -> Vector:
         """Return the position in metres NED from the place of take-off."""
-        phase = self._loop_phase(time_s)
+        phase = _smooth_step((time_s - self.start_s - self.climb_s) / self.loop_s) * 2 * math.pi
         up = _smooth_step((time_s - self.start_s) / self.climb_s)
         down = _smooth_step((time_s - self.end_s + self.climb_s) / self.climb_s)
         north, east = self.size_m
         return np.array([north * math.sin(phase), east * math.sin(2 * phase), -self.height_m * (up - down)])
 
-    def velocity_ned(self, time_s: float, step_s: float = 1e-4) -> Vector:
+    def velocity_ned(self, time_s: float) -> Vector:
         """Return the velocity in m/s NED, by central difference."""
+        step_s = 1e-4
         ahead, behind = self.position_ned(time_s + step_s), self.position_ned(time_s - step_s)
         return (ahead - behind) / (2 * step_s)
 
-    def attitude_rpy_rad(self, time_s: float, step_s: float = 1e-2) -> Vector:
+    def attitude_rpy_rad(self, time_s: float) -> Vector:
         """Return roll, pitch and yaw in rad: the vehicle leans into its acceleration, as a multicopter does."""
+        step_s = 1e-2
         ahead, behind = self.velocity_ned(time_s + step_s), self.velocity_ned(time_s - step_s)
         acceleration = (ahead - behind) / (2 * step_s)
         cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)

@@ -374,7 +374,7 @@ def test_missing_geodesy_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyPatch
 
 def test_missing_matplotlib_is_a_hint(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "viso.companion.landmarks.picture", raising=False)
-    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
+    for name in ["matplotlib", *(name for name in sys.modules if name.startswith("matplotlib."))]:
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.delattr("viso.companion.landmarks.picture", raising=False)
     outcome = viso("landmarks", *SHORT, "--until", "1", "--plot", "out.png")
@@ -468,7 +468,7 @@ def test_camera_of_the_page_is_one(viso: Viso) -> None:
 
 @pytest.mark.parametrize("command", re.findall(r"^viso landmarks [^`\n]+", PAGE.read_text("utf-8"), re.MULTILINE))
 def test_command_of_the_page_works(viso: Viso, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
-    events = flight(1.0)
+    events = flight(0.4)
     # In the place of files and vehicles that only their owners have.
     monkeypatch.setattr(Merged, "events", lambda _self: iter(events))
     monkeypatch.setattr(Live, "__init__", lambda _self, *_args: None)

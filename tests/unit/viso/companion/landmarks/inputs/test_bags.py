@@ -117,12 +117,12 @@ def write(path: Path, messages: Messages, version: int = 2, storage: StoragePlug
     store = STORE[version]
     writer: Any = Writer1(path) if version == 1 else Writer2(path, version=9, storage_plugin=storage)
     with writer:
-        opened: dict[str, Any] = {}
+        opened: dict[tuple[str, str], Any] = {}
         for topic, kind, time_s, message in messages:
-            if topic not in opened:
-                opened[topic] = writer.add_connection(topic, kind, typestore=store)
+            if (topic, kind) not in opened:
+                opened[topic, kind] = writer.add_connection(topic, kind, typestore=store)
             serialize = store.serialize_ros1 if version == 1 else store.serialize_cdr
-            writer.write(opened[topic], round(time_s * 1e9), serialize(message, kind))
+            writer.write(opened[topic, kind], round(time_s * 1e9), serialize(message, kind))
     return path
 
 
@@ -175,42 +175,31 @@ def test_every_topic_is_read_from_every_kind_of_bag(folder: Path, what: str) -> 
     assert not file.refused
 
 
-@pytest.mark.parametrize(
-    ("kind", "message"),
-    [
-        ("geometry_msgs/msg/PoseStamped", lambda: new("geometry_msgs/msg/PoseStamped", header(5), pose())),
-        (
-            "geometry_msgs/msg/PoseWithCovarianceStamped",
-            lambda: new(
-                "geometry_msgs/msg/PoseWithCovarianceStamped",
-                header(5),
-                new("geometry_msgs/msg/PoseWithCovariance", pose(), np.zeros(36)),
-            ),
-        ),
-    ],
-)
-def test_stamped_poses_will_do_as_odometry(tmp_path: Path, kind: str, message: Any) -> None:
-    [found] = BagFile(write(tmp_path / "a", [(TOPICS.odometry, kind, 1, message())], 2, MCAP)).events()
-    assert isinstance(found, VehiclePose)
-    assert (found.t_s, found.x_m, found.y_m) == (5.5, 1, 2)
+def poses_of(path: Path, *messages: tuple[str, Any], **how: Any) -> list[VehiclePose]:
+    """Return the poses of messages, each a type and a content, that come at 1 s, 2 s and so on."""
+    rows = [(TOPICS.odometry, kind, time_s, message) for time_s, (kind, message) in enumerate(messages, 1)]
+    found = list(BagFile(write(path, rows, 2, MCAP), **how).events())
+    return [event for event in found if isinstance(event, VehiclePose)]
 
 
-def only_pose(path: Path, message: Any, **how: Any) -> VehiclePose:
-    [found] = BagFile(write(path, [(TOPICS.odometry, ODOMETRY, 1, message)], 2, MCAP), **how).events()
-    assert isinstance(found, VehiclePose)
-    return found
+def test_stamped_poses_will_do_as_odometry_and_the_time_of_the_bag_as_a_stamp(tmp_path: Path) -> None:
+    posed, with_covariance = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
+    content = new("geometry_msgs/msg/PoseWithCovariance", pose(), np.zeros(36))
+    found = poses_of(
+        tmp_path / "a",
+        (posed, new(posed, header(5), pose())),
+        (with_covariance, new(with_covariance, header(5), content)),
+        (ODOMETRY, odometry(0)),
+    )
+    assert [(one.t_s, one.x_m, one.y_m) for one in found] == [(5.5, 1, 2), (5.5, 1, 2), (3.0, 1, 2)]
 
 
 def test_odometry_in_ned_is_turned_with_its_yaw(tmp_path: Path) -> None:
     heading_rad = math.radians(30)
     turned = (math.cos(heading_rad / 2), 0.0, 0.0, math.sin(heading_rad / 2))
-    found = only_pose(tmp_path / "a", odometry(5, turned), odometry_is_ned=True)
+    [found] = poses_of(tmp_path / "a", (ODOMETRY, odometry(5, turned)), odometry_is_ned=True)
     assert (found.x_m, found.y_m, found.z_m) == (2, 1, -3)
     assert found.yaw_rad == pytest.approx(math.radians(60))
-
-
-def test_message_without_a_stamp_has_the_time_of_the_bag(tmp_path: Path) -> None:
-    assert only_pose(tmp_path / "a", odometry(0)).t_s == 1.0
 
 
 def test_what_is_of_no_use_is_counted(tmp_path: Path) -> None:
