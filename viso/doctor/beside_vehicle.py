@@ -11,7 +11,7 @@ import numpy as np
 from viso.doctor.evidence import Evidence
 from viso.doctor.measures.compare import ALIGNING_TYPES, comparison_of, oriented
 from viso.doctor.measures.own_filter import POSITION, Witness
-from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.measures.sender_clock import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, Sender, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries
 from viso.doctor.measures.vehicle_position import PositionSeries

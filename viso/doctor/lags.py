@@ -8,8 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from viso.doctor.evidence import Evidence
-from viso.doctor.measures.sender_clock import sender_clock
-from viso.doctor.measures.stamps import FEWEST, are_us, is_constant, lag_ms
+from viso.doctor.measures.sender_clock import FEWEST, are_us, is_constant, lag_ms, sender_clock
 from viso.doctor.measures.tracks import Floats, Ints, Track
 
 STEP_BACK_US: Final = 1000

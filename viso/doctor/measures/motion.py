@@ -10,8 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from viso.doctor.measures.sender_clock import sender_clock
-from viso.doctor.measures.stamps import time_base_us
+from viso.doctor.measures.sender_clock import sender_clock, time_base_us
 from viso.doctor.measures.tracks import (
     Bools,
     Floats,

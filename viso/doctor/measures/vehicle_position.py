@@ -245,9 +245,9 @@ def _filter_places(log: LogColumns, params: Mapping[str, float]) -> Floats:
     table = _places(log, "XKF1", ("PN", "PE", "PD"), ("C", lambda core: core == _CORE))
     if not len(table):
         return table
-    flags = _at(_states(log, "XKF4", "SS"), table[:, 0])
+    flags = _at(_states(log, "XKF4"), table[:, 0])
     navigates = (flags & _HORIZONTAL != 0) & (flags & _CONSTANT == 0)
-    sets = _states(log, "XKFS", "SS")
+    sets = _states(log, "XKFS")
     independent = [number for number in _SETS if is_independent(params, sets=(number,))]
     if len(sets):
         navigates &= np.isin(_at(sets, table[:, 0]) + 1, independent)
@@ -256,8 +256,8 @@ def _filter_places(log: LogColumns, params: Mapping[str, float]) -> Floats:
     return np.asarray(table[navigates], dtype=np.float64)
 
 
-def _states(log: LogColumns, kind: str, label: str) -> Floats:
-    return _places(log, kind, (label,), ("C", lambda core: core == _CORE))
+def _states(log: LogColumns, kind: str) -> Floats:
+    return _places(log, kind, ("SS",), ("C", lambda core: core == _CORE))
 
 
 def _at(states: Floats, time_us: Floats) -> Ints:

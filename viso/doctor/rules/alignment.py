@@ -13,7 +13,7 @@ from viso.doctor.beside_vehicle import ALIGNED, aligned_us, lasting
 from viso.doctor.evidence import EXTNAV, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, vehicle_error, warning
 from viso.doctor.measures.compare import ALIGNING_TYPES, oriented
-from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.measures.sender_clock import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
 from viso.doctor.outputs.phrases import at, of_some, share
 

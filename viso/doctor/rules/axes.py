@@ -12,7 +12,7 @@ from viso.doctor.beside_vehicle import is_related
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Sighting, error, vehicle_error, warning
 from viso.doctor.measures.compare import ALIGNING_TYPES, Comparison
-from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.measures.sender_clock import FEWEST
 from viso.doctor.measures.tracks import Floats, down_in_body, euler_of_quat, reordered
 from viso.doctor.outputs.phrases import of_some
 from viso.doctor.rules.frames import is_misordered

@@ -10,8 +10,16 @@ import numpy as np
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
 from viso.doctor.lags import LEAST_JUMP_MS, STEP_BACK_US, drift_ppm, minima_of, net_drift_ppm, usable_tracks
-from viso.doctor.measures.sender_clock import Departure, SenderClock, sender_clock
-from viso.doctor.measures.stamps import FEWEST, are_us, is_constant, lag_ms, stamp_rate
+from viso.doctor.measures.sender_clock import (
+    FEWEST,
+    Departure,
+    SenderClock,
+    are_us,
+    is_constant,
+    lag_ms,
+    sender_clock,
+    stamp_rate,
+)
 from viso.doctor.measures.tracks import Track
 from viso.doctor.outputs.phrases import at, of_some, often
 from viso.streams.stream_kinds import Aspect

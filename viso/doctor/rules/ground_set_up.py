@@ -56,14 +56,12 @@ def unheard(evidence: Evidence, sensor: str, severity: Severity | None) -> tuple
     return "", Severity.WARNING if evidence.vehicle_witness is Witness.TELEMETRY else severity
 
 
-def seen(
-    text: str, one: FlowSeries | RangeSeries, mask: object, severity: Severity | None = None, fix: str | None = None
-) -> Sighting:
+def seen(text: str, one: FlowSeries | RangeSeries, mask: object, severity: Severity | None = None) -> Sighting:
     """Return what some of a sensor's records show, one at least."""
     chosen = np.flatnonzero(np.asarray(mask))
     times = one.time_us[chosen]
     numbers = one.numbers[chosen].tolist() if len(one.numbers) else []
-    return Sighting(f"{named(one)}: {text}", numbers, int(times[0]), int(times[-1]), fix, severity)
+    return Sighting(f"{named(one)}: {text}", numbers, int(times[0]), int(times[-1]), severity=severity)
 
 
 def named(one: FlowSeries | RangeSeries) -> str:

@@ -11,7 +11,7 @@ from mav_handlers.covariance import no_errors, pose_errors
 from mav_handlers.wire.messages import ATT_POS_MOCAP
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Sighting, error, note, warning
-from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.measures.sender_clock import FEWEST
 from viso.doctor.measures.tracks import Bools, Floats, Poses
 from viso.doctor.outputs.phrases import at, of_some, of_track
 from viso.estimators.series import stretches_of

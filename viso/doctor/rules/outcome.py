@@ -15,7 +15,7 @@ from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
 from viso.doctor.evidence import EXTNAV, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, vehicle_note, warning
 from viso.doctor.measures.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY, YAW, OwnFilter, Witness
-from viso.doctor.measures.stamps import time_base_us
+from viso.doctor.measures.sender_clock import time_base_us
 from viso.doctor.measures.tracks import Floats, SeenMessage
 from viso.doctor.outputs.phrases import at, often, seen_in, share
 from viso.doctor.rules.resets import jumps_in

@@ -15,7 +15,7 @@ from ekf_stub.inputs.sources import SourceXY
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
 from viso.doctor.findings import Severity, Sighting, note, vehicle_error, vehicle_note, vehicle_warning
-from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.measures.sender_clock import FEWEST
 from viso.doctor.outputs.phrases import at, listed, seen_in, share
 
 _SOURCES: Final = "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::pre_arm_check"

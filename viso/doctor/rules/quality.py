@@ -9,7 +9,7 @@ from ap_visualodom.verdicts import QUALITY_BELOW_MIN
 from mav_handlers.wire.messages import ODOMETRY
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, warning
-from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.measures.sender_clock import FEWEST
 from viso.doctor.measures.tracks import SeenMessage
 from viso.doctor.outputs.phrases import by_type, seen_in, share
 from viso.streams.stream_kinds import Aspect

@@ -11,8 +11,7 @@ import numpy as np
 from ekf_stub.inputs.ingest_rules import TOO_SOON
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Sighting, error, note, warning
-from viso.doctor.measures.sender_clock import sender_clock
-from viso.doctor.measures.stamps import FEWEST
+from viso.doctor.measures.sender_clock import FEWEST, sender_clock
 from viso.doctor.measures.tracks import SeenMessage, Track
 from viso.doctor.outputs.phrases import at, seen_in, share
 

@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from viso.doctor.beside_vehicle import aligned_us, follows_vehicle
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, warning
-from viso.doctor.measures.stamps import FEWEST, time_base_us
+from viso.doctor.measures.sender_clock import FEWEST, time_base_us
 from viso.doctor.measures.tracks import POSE_TYPES, Bools, Floats, Poses, euler_of_quat, median_of
 from viso.doctor.outputs.phrases import at, of_some, often, seen_in
 from viso.streams.stream_kinds import Aspect

@@ -11,7 +11,7 @@ from viso.doctor.beside_vehicle import is_related
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, vehicle_warning, warning
 from viso.doctor.measures.motion import Agreement, Motion, agreement, typical_speed
-from viso.doctor.measures.stamps import FEWEST, time_base_us
+from viso.doctor.measures.sender_clock import FEWEST, time_base_us
 from viso.doctor.measures.tracks import Poses, median_of
 from viso.doctor.outputs.phrases import at, of_some, of_track
 

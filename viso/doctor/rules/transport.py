@@ -12,7 +12,7 @@ from mav_handlers.verdicts import BAD_CRC, NOT_ACCEPTED, NOT_ADDRESSED, OWN_MESS
 from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, PARAM_SET, SET_GPS_GLOBAL_ORIGIN
 from viso.doctor.evidence import Evidence
 from viso.doctor.findings import Severity, Sighting, error, warning
-from viso.doctor.measures.stamps import FEWEST, are_us
+from viso.doctor.measures.sender_clock import FEWEST, are_us
 from viso.doctor.measures.tracks import Bools, Ints, Track
 from viso.doctor.outputs.phrases import at, by_type, listed, of_some, seen_in, share
 from viso.doctor.trial_parameters import VISION_NAMES
