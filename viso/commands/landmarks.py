@@ -193,7 +193,7 @@ def landmarks(
     draw = None if plot is None and frames is None else _draw(palette, extent, with_sky=all_sky)
     console = err if as_json else out
     follow = follow or any(map(is_live, names))
-    options = InputOptions(odometry_is_ned=ned, utc_offset_s=3600 * utc_offset_h, read_log=read_log)
+    options = InputOptions(read_log, odometry_is_ned=ned, utc_offset_s=3600 * utc_offset_h)
     with ExitStack() as stack:
         stack.enter_context(_one_line_extras())
         signals = stack.enter_context(stop_on_signal())

@@ -25,7 +25,9 @@ from viso.companion.landmarks.types import AircraftReport, Detections, Event, Gl
 from viso.errors import InputError
 from viso.landmarks import live as landmarks_live
 from viso.landmarks.live import Live, standard_lines
+from viso.logs.recorded import read_log
 
+OPTIONS = InputOptions(read_log)
 NOW_S = 1_760_000_000.0
 SBS = "MSG,3,1,1,{},1,,,,,,4000,,,47.42,8.58,,,0,0,0,0"
 
@@ -72,7 +74,7 @@ def no_input() -> int:
 
 def heard(names: list[str], *steps: Callable[[], object], standard_input: Callable[[], int] = no_input) -> list[Event]:
     """Return the events of inputs while a script runs; whatever its last step leaves is there for the end only."""
-    with Live(names, InputOptions(), standard_input, lambda: NOW_S) as live:
+    with Live(names, OPTIONS, standard_input, lambda: NOW_S) as live:
         return list(live.events(Script(*steps)))
 
 
@@ -115,7 +117,7 @@ def test_lines_without_a_time_have_that_of_their_arrival() -> None:
 def test_lines_of_no_known_format_are_counted() -> None:
     Path("a.jsonl").write_text(pose_line(1.0) + "\n")
     Path("b.jsonl").write_text("")
-    with Live(["a.jsonl", "b.jsonl"], InputOptions(), no_input, lambda: NOW_S) as live:
+    with Live(["a.jsonl", "b.jsonl"], OPTIONS, no_input, lambda: NOW_S) as live:
         list(live.events(Script(append("b.jsonl", "?\n" + pose_line(1.0) + "\n{\n"), nothing)))
         assert live.refused() == {"b.jsonl": {"a line of no known format": 1, "not JSON": 1}}
 
@@ -130,7 +132,7 @@ def test_record_over_several_lines_is_read_once() -> None:
 def test_inputs_that_are_all_over_end_it() -> None:
     Path("map.json").write_text(json.dumps({"landmarks": []}, indent=2) + "\n\n{")
     Path("map.json").write_text(json.dumps({"landmarks": []}, indent=2))
-    with Live(["map.json"], InputOptions(), no_input, lambda: NOW_S) as live:
+    with Live(["map.json"], OPTIONS, no_input, lambda: NOW_S) as live:
         assert len(list(live.events(lambda: False))) == 1
 
 
@@ -156,7 +158,7 @@ def test_standard_input_ends_with_its_writer() -> None:
     reading, writing = os.pipe()
     os.write(writing, (pose_line(1.0) + "\n" + pose_line(2.0)).encode())
     os.close(writing)
-    with Live(["-"], InputOptions(), lambda: reading, lambda: NOW_S) as live:
+    with Live(["-"], OPTIONS, lambda: reading, lambda: NOW_S) as live:
         events = list(live.events(lambda: False))
     os.close(reading)
     assert [event.t_s for event in events] == [1.0, 2.0]
@@ -173,7 +175,7 @@ def test_lines_of_standard_input_end_when_it_is_enough() -> None:
 def test_time_limit_ends_it() -> None:
     Path("a.jsonl").write_text(pose_line(1.0) + "\n")
     times = iter(range(100))
-    with Live(["a.jsonl"], InputOptions(), no_input, lambda: float(next(times))) as live:
+    with Live(["a.jsonl"], OPTIONS, no_input, lambda: float(next(times))) as live:
         assert len(list(live.events(lambda: False, until_s=20.0))) == 1
     assert next(times) < 40
 
@@ -239,6 +241,6 @@ def test_file_that_is_not_there_is_one_line(name: str) -> None:
 
 def test_links_are_closed_when_another_input_is_wrong(link: PairLink) -> None:
     with pytest.raises(InputError, match=r"none\.jsonl"):
-        Live(["udpin:1", "none.jsonl"], InputOptions(), no_input)
+        Live(["udpin:1", "none.jsonl"], OPTIONS, no_input)
     link.send(b"x")
     assert link.stats.bytes_dropped == 1

@@ -33,28 +33,25 @@ class InputOptions:
     """What a file does not tell itself.
 
     Attributes:
+        read_log: opens DataFlash logs.
         odometry_is_ned: whether a bag's odometry is in NED.
         utc_offset_s: how far the times of BaseStation lines are ahead of UTC.
-        read_log: opens DataFlash logs; None if there is nothing that can.
     """
 
+    read_log: ReadLog
     odometry_is_ned: bool = False
     utc_offset_s: float = 0.0
-    read_log: ReadLog | None = None
 
 
-def open_file(path: Path, options: InputOptions | None = None) -> FileReader:
+def open_file(path: Path, options: InputOptions) -> FileReader:
     """Return the reader of a file, or of a folder.
 
     Raises InputFileError if it cannot be read, is of no known kind, or an extra is missing.
     """
-    options = options or InputOptions()
     name = path.name.lower()
     if name.endswith((".tlog", ".tlog.gz")):
         return TlogFile(path)
     if name.endswith((".bin", ".bin.xz")):
-        if options.read_log is None:
-            raise InputFileError(f"{path}: there is nothing here that reads DataFlash logs")
         return DataFlashFile(path, options.read_log)
     if name.endswith(_BAGS) or (path.is_dir() and any(path.glob("metadata.yaml"))):
         return BagFile(path, odometry_is_ned=options.odometry_is_ned)

@@ -177,7 +177,7 @@ def test_every_topic_is_read_from_every_kind_of_bag(folder: Path, what: str) -> 
 
 def poses_of(path: Path, *messages: tuple[str, Any], **how: Any) -> list[VehiclePose]:
     """Return the poses of messages, each a type and a content, that come at 1 s, 2 s and so on."""
-    rows = [(TOPICS.odometry, kind, time_s, message) for time_s, (kind, message) in enumerate(messages, 1)]
+    rows: Messages = [(TOPICS.odometry, kind, time_s, message) for time_s, (kind, message) in enumerate(messages, 1)]
     found = list(BagFile(write(path, rows, 2, MCAP), **how).events())
     return [event for event in found if isinstance(event, VehiclePose)]
 

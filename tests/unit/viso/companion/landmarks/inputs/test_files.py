@@ -20,6 +20,7 @@ from viso.logs.recorded import read_log
 
 SBS1 = "MSG,3,1,1,3C6DD1,1,2025/07/14,12:00:00.000,2025/07/14,12:00:00.000,,5000,,,47.4,8.5,,,,,,0"
 SNAPSHOT = {"now": 50.0, "aircraft": [{"hex": "3c6dd1", "lat": 47.4, "lon": 8.5}]}
+OPTIONS = InputOptions(read_log)
 LANDMARKS = {"landmarks": [{"id": 0, "x": 1, "y": 2}]}
 
 
@@ -36,24 +37,18 @@ LANDMARKS = {"landmarks": [{"id": 0, "x": 1, "y": 2}]}
     ],
 )
 def test_logs_are_known_by_their_ending(tmp_path: Path, name: str, kind: type) -> None:
-    assert isinstance(open_file(tmp_path / name, InputOptions(read_log=read_log)), kind)
-
-
-def test_dataflash_log_needs_someone_who_reads_it(tmp_path: Path) -> None:
-    with pytest.raises(InputFileError) as raised:
-        open_file(tmp_path / "a.BIN")
-    assert str(raised.value) == f"{tmp_path / 'a.BIN'}: there is nothing here that reads DataFlash logs"
+    assert isinstance(open_file(tmp_path / name, OPTIONS), kind)
 
 
 def test_folder_is_a_bag_if_it_says_so_and_else_one_of_snapshots(tmp_path: Path) -> None:
-    assert isinstance(open_file(tmp_path), Dump1090Folder)
+    assert isinstance(open_file(tmp_path, OPTIONS), Dump1090Folder)
     (tmp_path / "metadata.yaml").write_text("")
-    assert isinstance(open_file(tmp_path), BagFile)
+    assert isinstance(open_file(tmp_path, OPTIONS), BagFile)
 
 
-def events_of(path: Path, text: str, options: InputOptions | None = None) -> list[Event]:
+def events_of(path: Path, text: str) -> list[Event]:
     path.write_text(text)
-    file = open_file(path, options)
+    file = open_file(path, OPTIONS)
     events = list(file.events())
     assert not file.refused
     return events
@@ -80,7 +75,7 @@ def test_lines_of_json_may_be_of_different_kinds(tmp_path: Path) -> None:
 def test_lines_of_basestation_are_known_even_behind_a_piece_of_one(tmp_path: Path) -> None:
     path = tmp_path / "port30003.txt"
     path.write_text(f"{SBS1[40:]}\n{SBS1}\n")
-    file = open_file(path, InputOptions(utc_offset_s=3600.0))
+    file = open_file(path, InputOptions(read_log, utc_offset_s=3600.0))
     [event] = file.events()
     utc = events_of(tmp_path / "utc.txt", SBS1)[0]
     assert isinstance(event, AircraftReport)
@@ -115,11 +110,11 @@ def test_file_of_no_kind_is_one_line(tmp_path: Path, text: str, reason: str) -> 
     path = tmp_path / "notes"
     path.write_text(text)
     with pytest.raises(InputFileError) as raised:
-        open_file(path)
+        open_file(path, OPTIONS)
     assert str(raised.value).startswith(f"{path}: {reason}")
     assert len(str(raised.value).splitlines()) == 1
 
 
 def test_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="No such file or directory"):
-        open_file(tmp_path / "none.txt")
+        open_file(tmp_path / "none.txt", OPTIONS)
