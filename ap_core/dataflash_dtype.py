@@ -74,11 +74,7 @@ def shown(column: Column, char: str) -> Column:
     """Return the values that a log reader shows for a column as stored.
 
     Integers stay what they are; floats become float64, and so do fields that hold a hundredth or 1e-7 of a unit; texts
-    become str.
-
-    Args:
-        column: one field of an array of records.
-        char: its format character.
+    become str. ``char`` is the format character of the field.
     """
     if char in _FLOATS:
         with np.errstate(invalid="ignore"):  # of a signalling NaN, which damage makes

@@ -29,13 +29,7 @@ _AT_ONCE: Final = 1 << 24
 
 
 class Lost(NamedTuple):
-    """Bytes of a log that are in no record.
-
-    Attributes:
-        offset: of the first one, from the begin of the log.
-        size: how many.
-        reason: why.
-    """
+    """Bytes of a log that are in no record: where the first one is, from the begin of the log, how many, and why."""
 
     offset: int
     size: int
@@ -44,15 +38,7 @@ class Lost(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What an FMT record says of a type.
-
-    Attributes:
-        msg_type: 0..255.
-        name: of the type.
-        format: a character a field.
-        labels: of the fields.
-        dtype: of a record, header included.
-    """
+    """What an FMT record says of a type; ``format`` has a character a field, ``dtype`` includes the header."""
 
     msg_type: int
     name: str
@@ -66,12 +52,7 @@ _FMT_LAYOUT: Final = Layout(FMT.msg_type, FMT.name, FMT.format, FMT.fields, _FMT
 
 @dataclass(frozen=True, slots=True)
 class Formats:
-    """What the FMT records of a log say.
-
-    Attributes:
-        layouts: by type.
-        ill: why a type is not among them, though it has an FMT.
-    """
+    """What the FMT records of a log say, by type; ``ill`` says why a type has no layout though it has an FMT."""
 
     layouts: dict[int, Layout]
     ill: dict[int, str]

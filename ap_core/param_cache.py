@@ -14,7 +14,6 @@ class FromParams(Generic[T]):
     """A value that depends on nothing but parameters; call it to get the value.
 
     Args:
-        params: all parameters.
         work_out: makes the value; called at first use, and again at the first use after any parameter was stored.
     """
 
@@ -38,7 +37,6 @@ class Numbers(dict[str, float]):
     It is a dictionary that fills itself, since to ask a dictionary is the fastest way to ask.
 
     Args:
-        params: all parameters.
         prefix: what precedes each of the names that are asked for.
         renamed: what some of the names that are asked for are called instead.
     """

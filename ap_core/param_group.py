@@ -76,8 +76,6 @@ class ParamGroup:
             prefix: what precedes the names of the rows, such as ``VISO``.
             var_info: the rows, in list order.
             defaults: other defaults for this vehicle, by row name (``_POS_X`` for elements of a vector).
-            top_level_prefix: the start of ``prefix`` that is compared case-sensitively.
-            ungrouped: whether the rows are top-level entries of the vehicle's table.
 
         Raises:
             ValueError: names that are too long or unknown, or an ENABLE flag where it has no meaning.

@@ -25,14 +25,7 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One thing that is compared.
-
-    Attributes:
-        what: a label, or several words.
-        figure: what it came to.
-        target: what it is to come to; empty when nothing is asked.
-        passed: whether that is so.
-    """
+    """One thing that is compared: what it came to, and what it is to come to; empty when nothing is asked."""
 
     what: str
     figure: str

@@ -36,12 +36,9 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Differences:
-    """What differs between two sequences of events.
+    """What differs between two sequences of events, and how many both have, the worst of them so far apart.
 
-    Attributes:
-        lines: a line for each thing that is missing, too many, changed, or at another time.
-        matched: how many events both have.
-        worst_s: how far apart the worst of these is.
+    There is a line for each thing that is missing, too many, changed, or at another time.
     """
 
     lines: tuple[str, ...]

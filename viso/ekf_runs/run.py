@@ -89,10 +89,9 @@ class _Row(NamedTuple):
 
 
 class EkfRun:
-    """One run of the filter over a log, up to where it is interrupted.
+    """One run of the filter over a log (.BIN or .BIN.xz), up to where it is interrupted.
 
     Args:
-        path: the log (.BIN or .BIN.xz).
         until_s: where to end, since boot.
         core: the number of the core to run, None for all.
         firmware: the release that it is run as; None for the one nearest to what the log was written by.
