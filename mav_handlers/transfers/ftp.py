@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from ap_core.cint import u16, u32
-from mav_handlers.transfers.ftp_jobs import Job
 from mav_handlers.transfers.ftp_ports import FtpFiles
-from mav_handlers.transfers.ftp_session import FtpSession
+from mav_handlers.transfers.ftp_session import FtpSession, Job
 from mav_handlers.transfers.ftp_wire import DATA_BYTES, FtpError, Opcode, Reply, Request, nack
 
 QUEUE_CAPACITY: Final = 5

@@ -3,6 +3,7 @@
 """Handlers of commands (GCS_Common.cpp, handle_command_long, handle_command_int, handle_command_int_packet)."""
 
 import math
+from collections.abc import Callable, Mapping
 from typing import Final
 
 import numpy as np
@@ -11,8 +12,8 @@ from ap_core.cint import int_of_float
 from ap_core.fmath import f32
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
+from mav_handlers.handlers.commands import aux_functions, flight, home, message_intervals, modes, system
 from mav_handlers.handlers.commands.results import MavCmd, MavResult
-from mav_handlers.handlers.commands.table import COMMANDS
 from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG
 
@@ -33,6 +34,41 @@ _CARRY_LOCATION: Final = frozenset(
 _NO_ASSUMED_FRAME: Final = frozenset(
     {MavCmd.DO_REPOSITION, MavCmd.EXTERNAL_POSITION_ESTIMATE, MavCmd.DO_SET_GLOBAL_ORIGIN}
 )
+
+
+CommandHandler = Callable[[Context, COMMAND_INT], MavResult]
+
+COMMANDS: Final[Mapping[int, CommandHandler]] = {
+    MavCmd.NAV_LOITER_UNLIM: modes.nav_loiter_unlim,
+    MavCmd.NAV_RETURN_TO_LAUNCH: modes.nav_return_to_launch,
+    MavCmd.NAV_LAND: modes.nav_land,
+    MavCmd.NAV_TAKEOFF: modes.nav_takeoff,
+    MavCmd.NAV_VTOL_TAKEOFF: modes.nav_takeoff,
+    MavCmd.NAV_VTOL_LAND: modes.nav_land,
+    MavCmd.CONDITION_YAW: flight.condition_yaw,
+    MavCmd.DO_SET_MODE: modes.do_set_mode,
+    MavCmd.DO_CHANGE_SPEED: flight.do_change_speed,
+    MavCmd.DO_SET_HOME: home.do_set_home,
+    MavCmd.DO_REPOSITION: flight.do_reposition,
+    MavCmd.DO_AUX_FUNCTION: aux_functions.do_aux_function,
+    MavCmd.PREFLIGHT_CALIBRATION: system.preflight_calibration,
+    MavCmd.PREFLIGHT_STORAGE: system.preflight_storage,
+    MavCmd.PREFLIGHT_REBOOT_SHUTDOWN: system.preflight_reboot_shutdown,
+    MavCmd.MISSION_START: modes.mission_start,
+    MavCmd.COMPONENT_ARM_DISARM: system.component_arm_disarm,
+    MavCmd.RUN_PREARM_CHECKS: system.run_prearm_checks,
+    MavCmd.GET_HOME_POSITION: home.get_home_position,
+    MavCmd.GET_MESSAGE_INTERVAL: message_intervals.get_message_interval,
+    MavCmd.SET_MESSAGE_INTERVAL: message_intervals.set_message_interval,
+    MavCmd.REQUEST_MESSAGE: message_intervals.request_message,
+    MavCmd.REQUEST_AUTOPILOT_CAPABILITIES: system.request_autopilot_capabilities,
+    MavCmd.DO_SET_GLOBAL_ORIGIN: home.do_set_global_origin,
+    MavCmd.SET_EKF_SOURCE_SET: aux_functions.set_ekf_source_set,
+    MavCmd.DO_SEND_BANNER: system.do_send_banner,
+    MavCmd.EXTERNAL_POSITION_ESTIMATE: home.external_position_estimate,
+    MavCmd.EXTERNAL_WIND_ESTIMATE: home.external_wind_estimate,
+}
+"""All commands, one row each."""
 
 
 def _location_param(value: float, carries_location: bool) -> int:

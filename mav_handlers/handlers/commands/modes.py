@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Commands that change the flight mode, or start something in it (ArduCopter/GCS_MAVLink_Copter.cpp)."""
 
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -45,9 +44,19 @@ def do_set_mode(ctx: Context, command: COMMAND_INT) -> MavResult:
     return set_mode(ctx, u8(int_of_float(command.param1)), u32_of_float(command.param2))
 
 
-def entering(number: int) -> Callable[[Context, COMMAND_INT], MavResult]:
-    """Return what enters a mode, whatever the parameters."""
-    return lambda ctx, _command: accepted_if(ctx.vehicle.copter.set_mode(number))
+def nav_loiter_unlim(ctx: Context, _command: COMMAND_INT) -> MavResult:
+    """Enter LOITER."""
+    return accepted_if(ctx.vehicle.copter.set_mode(LOITER))
+
+
+def nav_return_to_launch(ctx: Context, _command: COMMAND_INT) -> MavResult:
+    """Enter RTL."""
+    return accepted_if(ctx.vehicle.copter.set_mode(RTL))
+
+
+def nav_land(ctx: Context, _command: COMMAND_INT) -> MavResult:
+    """Enter LAND."""
+    return accepted_if(ctx.vehicle.copter.set_mode(LAND))
 
 
 def mission_start(ctx: Context, command: COMMAND_INT) -> MavResult:

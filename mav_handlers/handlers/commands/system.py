@@ -1,15 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Commands about the autopilot itself."""
+"""Commands about the autopilot itself: arming and checks, restart, storage, calibration."""
 
 from typing import Final
 
-from ap_core.fmath import f32
+from ap_core.fmath import f32, is_zero
 from ap_core.param_info import is_equal
 from mav_handlers.context import Context
-from mav_handlers.handlers.commands.results import MavResult
+from mav_handlers.handlers.commands.results import MavResult, accepted_if
 from mav_handlers.wire.messages import COMMAND_INT
 
+FORCE_ARM: Final = f32(2989.0)
+FORCE_ARM_DISARM: Final = f32(21196.0)
 REBOOT: Final = f32(1.0)
 REBOOT_TO_BOOTLOADER: Final = f32(3.0)
 FORCE_REBOOT: Final = 20190226
@@ -21,6 +23,27 @@ _DELIBERATE_FAULT: Final = (f32(42.0), f32(24.0), f32(71.0))
 _MAV_SEVERITY_WARNING: Final = 4
 _MAV_SEVERITY_NOTICE: Final = 5
 _MAV_SEVERITY_INFO: Final = 6
+
+
+def component_arm_disarm(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Arm or disarm (handle_command_component_arm_disarm)."""
+    vehicle = ctx.vehicle
+    param1, param2 = f32(command.param1), f32(command.param2)
+    if is_equal(param1, _ONE):
+        forced = is_equal(param2, FORCE_ARM) or is_equal(param2, FORCE_ARM_DISARM)
+        return accepted_if(vehicle.copter.is_armed() or vehicle.copter.arm(do_checks=not forced))
+    if is_zero(param1):
+        forced = is_equal(param2, FORCE_ARM_DISARM)
+        return accepted_if(not vehicle.copter.is_armed() or vehicle.copter.disarm(force=forced))
+    return MavResult.UNSUPPORTED
+
+
+def run_prearm_checks(ctx: Context, _command: COMMAND_INT) -> MavResult:
+    """Run the checks and tell failures as texts; accepted whatever the outcome."""
+    if ctx.vehicle.copter.is_armed():
+        return MavResult.TEMPORARILY_REJECTED
+    ctx.vehicle.copter.arming.pre_arm_checks(display=True)
+    return MavResult.ACCEPTED
 
 
 def request_autopilot_capabilities(ctx: Context, command: COMMAND_INT) -> MavResult:

@@ -21,10 +21,9 @@ from viso.sensors.vectors import Three, turned
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.flying.descents import Land, ReturnHome
 from viso.vehicle.copter.flying.guided import Guided
-from viso.vehicle.copter.flying.limits import Limits
 from viso.vehicle.copter.flying.piloted import Brake, HoldHeight, Loiter
 from viso.vehicle.copter.flying.position_control import Estimate
-from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Steering
+from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Limits, Steering
 from viso.vehicle.copter.flying.sticks import PilotSticks
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
