@@ -136,10 +136,7 @@ def kind_of(path: Path) -> RecordingKind:
 
 
 def recordings_in(paths: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
-    """Yield recordings, those of folders by their endings; and whether each was found in a folder.
-
-    Raises InputError if a folder has none.
-    """
+    """Yield recordings, those of folders by their endings; whether of a folder. Raises InputError if one has none."""
     endings = tuple(one for kind in RECORDING_KINDS.values() for one in kind.endings)
     for path in paths:
         if not path.is_dir():

@@ -46,7 +46,6 @@ class ReplayOutcome:
 
     Attributes:
         verdicts: how often each message met each verdict.
-        texts: what the vehicle said.
         filter_counts: what the filter did with how many samples.
         params: the vehicle's parameters at the end, by name.
         unknown_params: those of the settings that it does not have.

@@ -105,11 +105,9 @@ def _policies(qos: Qos) -> Any:
 
 
 class Reader(Generic[T]):
-    """Reads a topic. Made by ``Participant.reader``.
+    """Reads a topic, named as ROS 2 has it. Made by ``Participant.reader``.
 
-    Attributes:
-        name: of the topic, as ROS 2 has it.
-        damaged: how many samples came that could not be read.
+    It counts in ``damaged`` how many samples came that could not be read.
     """
 
     def __init__(self, name: str, entity: Any, descriptor: int) -> None:
@@ -176,13 +174,9 @@ class Writer(Generic[T]):
 
 
 class Participant:
-    """One member of a ROS 2 graph.
+    """One member of a ROS 2 graph; ``domain`` is ROS_DOMAIN_ID.
 
-    Args:
-        domain: ROS_DOMAIN_ID.
-
-    Raises:
-        InputError: DDS does not start, such as for want of a network; one line.
+    Raises InputError if DDS does not start, such as for want of a network.
     """
 
     def __init__(self, domain: int) -> None:

@@ -43,10 +43,7 @@ def _message(line: object) -> StreamMessage:
 
 
 def read_capture(path: Path) -> Stream:
-    """Read a capture: a line that describes it, then a line a message.
-
-    Raises InputError that names the file, the line and what is wrong with it.
-    """
+    """Read a capture: a line that describes it, then a line a message. Raises InputError that names file and line."""
     header: tuple[str, dict[str, float], int | None] | None = None
     messages: list[StreamMessage] = []
     latest_us = 0

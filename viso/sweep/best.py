@@ -27,10 +27,8 @@ class Best:
         value: the objective there.
         vertex: where the parabola through it and its neighbours has its vertex; None at the edge, or where it is flat.
         at_edge: whether the best point is the first or the last.
-        is_first: whether it is the first.
         alike: from which value to which others may be as good, the difference being chance; None if that is unknown.
         stands_out: whether any value is worse by more than chance; None if that is unknown.
-        row: the whole of it.
     """
 
     at: float
