@@ -40,8 +40,8 @@ from tools import ekf_sources, pictures, rooms_picture, terminal_picture
 from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import command_function, make_app
 from viso.companion.engine import protocol as engine_protocol
+from viso.companion.faults.fault import parameters_of
 from viso.companion.faults.kinds import FAULTS
-from viso.companion.faults.parameters import parameters_of
 from viso.companion.recorded.frame_change import PRESETS as AXES
 from viso.companion.recorded.messages import FORMS
 from viso.companion.recorded.readers import FORMATS as TRAJECTORY_FORMATS

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Final, cast
 
 from mav_handlers.wire.messages import DISTANCE_SENSOR, ODOMETRY, OPTICAL_FLOW, VISION_POSITION_DELTA
-from viso.companion.faults.fault import ContentFault, Moment
-from viso.companion.faults.parameters import parameter
+from viso.companion.faults.fault import ContentFault, Moment, parameter
 from viso.companion.faults.poses import VISION_TYPES
 
 _COVARIANCES: Final = ("covariance", "pose_covariance", "velocity_covariance")

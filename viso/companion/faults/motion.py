@@ -17,8 +17,7 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_DELTA,
     VISION_SPEED_ESTIMATE,
 )
-from viso.companion.faults.fault import ContentFault, Moment
-from viso.companion.faults.parameters import parameter
+from viso.companion.faults.fault import ContentFault, Moment, parameter
 from viso.companion.faults.poses import (
     Vector,
     attitude_of,

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
-from viso.companion.faults.fault import ContentFault, Moment
-from viso.companion.faults.parameters import parameter
+from viso.companion.faults.fault import ContentFault, Moment, parameter
 
 _STAMPS: Final = ("usec", "time_usec")
 _LATEST_US: Final = 2**64 - 1

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from mav_handlers.wire.codec import message_id
-from viso.companion.faults.fault import Fault
+from viso.companion.faults.fault import Fault, as_number, parameters_of
 from viso.companion.faults.kinds import FAULTS
-from viso.companion.faults.parameters import as_number, parameters_of
 from viso.companion.faults.poses import VISION_NAMES
 from viso.documents import parsed_yaml
 

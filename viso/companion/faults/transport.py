@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
-from viso.companion.faults.fault import Fault, Moment
+from viso.companion.faults.fault import Fault, Moment, parameter
 from viso.companion.faults.packet import Key, Packet, PassedOver, decode, pack
-from viso.companion.faults.parameters import parameter
 from viso.companion.faults.stamps import shifted
 
 LONGEST_DELAY_MS = 60_000.0

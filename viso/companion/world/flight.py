@@ -3,6 +3,7 @@
 """A flight over synthetic ground: what a companion gets from its sensors, in order, and the truth about it."""
 
 import heapq
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
@@ -17,11 +18,11 @@ from viso.companion.vio.types import (
     DistortionModel,
     HeightMeasurement,
     ImuBias,
+    ImuSample,
     SensorEvent,
     WarmStartPose,
 )
 from viso.companion.world.ground import generate_texture
-from viso.companion.world.imu import DEFAULT_RATE_HZ, SimulatedImu, default_bias
 from viso.companion.world.motion import Trajectory, nadir_survey
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from viso.companion.world.scenery import Place
 
 DEFAULT_FRAME_RATE_HZ: Final = 10 / 3
+DEFAULT_RATE_HZ: Final = 200
 CAMERA_ID: Final = "synthetic"
 _NS: Final = 1_000_000_000
 _CAMERA_PLACE_B: Final = (0.1, 0.0, -0.05)
@@ -56,6 +58,48 @@ def nadir_calibration(width: int = 640, height: int = 480, focal_px: float = 500
         distortion=np.zeros(0),
         B_T_C=SE3(MOUNTINGS["nadir"], np.array(_CAMERA_PLACE_B)),
     )
+
+
+def default_bias() -> ImuBias:
+    """Return the biases of an autopilot's IMU without calibration of its own."""
+    return ImuBias(accel=np.array([0.06, -0.04, 0.08]), gyro=np.array([0.004, -0.006, 0.003]))
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedImu:
+    """An IMU; iterating gives the same samples each time.
+
+    Attributes:
+        bias: at the first sample.
+        seed: of the noise and the walks.
+        start_ns: stamp of the trajectory's time 0, and of the first sample.
+    """
+
+    trajectory: Trajectory
+    noise: ImuNoise = field(default_factory=ImuNoise)
+    bias: ImuBias = field(default_factory=default_bias)
+    rate_hz: int = DEFAULT_RATE_HZ
+    seed: int = 0
+    start_ns: int = 0
+
+    def readings(self) -> Iterator[tuple[ImuSample, ImuBias]]:
+        """Yield each sample and the biases in it, without end."""
+        rng = np.random.default_rng([self.seed, 3])
+        noise, rate = self.noise, self.rate_hz
+        bias = np.concatenate([self.bias.gyro, self.bias.accel])
+        white = np.repeat([noise.gyro, noise.accel], 3) * math.sqrt(rate)
+        walk = np.repeat([noise.gyro_walk, noise.accel_walk], 3) / math.sqrt(rate)
+        first = 0
+        while True:
+            ticks = range(first, first + rate)
+            motion = self.trajectory.motion(np.array(ticks) / rate)
+            biases = bias + np.cumsum(walk * rng.standard_normal((rate, 6)), axis=0)
+            truth = np.concatenate([motion.rates_b, motion.specific_force_b], axis=1)
+            shown = truth + biases + white * rng.standard_normal((rate, 6))
+            for tick, six, of_it in zip(ticks, shown, biases, strict=True):
+                sample = ImuSample(t_ns=self.start_ns + tick * _NS // rate, accel=six[3:], gyro=six[:3])
+                yield sample, ImuBias(accel=of_it[3:], gyro=of_it[:3])
+            bias, first = biases[-1], first + rate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ import pytest
 
 from tests.places import ROOT
 from viso.companion.faults import FAULTS, load_timeline, parse_timeline
-from viso.companion.faults.parameters import parameters_of
+from viso.companion.faults.fault import parameters_of
 
 DOCS = ROOT / "docs"
 PAGE = (DOCS / "faults.md").read_text(encoding="utf-8")

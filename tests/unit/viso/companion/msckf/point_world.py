@@ -17,7 +17,7 @@ from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.imu_window import ImuSteps
 from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
-from viso.companion.world.imu import SimulatedImu, default_bias
+from viso.companion.world.flight import SimulatedImu, default_bias
 from viso.companion.world.motion import Trajectory, nadir_survey
 
 B_T_C = SE3(MOUNTINGS["nadir"], np.array([0.1, 0.0, -0.05]))

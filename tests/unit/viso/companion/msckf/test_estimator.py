@@ -24,7 +24,7 @@ from viso.companion.msckf.multi_state import Below, Plane
 from viso.companion.msckf.window_filter import ACCEL, GYRO, VEL, WindowFilter
 from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuSample, ImuWindow
-from viso.companion.world.imu import default_bias
+from viso.companion.world.flight import default_bias
 from viso.companion.world.motion import Trajectory, hover, nadir_survey
 
 CLONES = 11
