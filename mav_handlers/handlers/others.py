@@ -1,25 +1,30 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handlers of everything that is neither navigation, parameter, clock, origin nor command."""
+"""Handlers of everything that is neither navigation, parameter, clock nor command."""
 
 from typing import Final
 
-from ap_core.cint import i16
+import numpy as np
+
+from ap_core.cint import i16, int_of_float
 from ap_core.verdict import Verdict
 from mav_handlers.context import Context
+from mav_handlers.handlers.commands.home import set_ekf_origin
 from mav_handlers.handlers.commands.modes import set_mode
 from mav_handlers.handlers.commands.results import MavResult
 from mav_handlers.params.names import OPTION_NO_STREAM_REQUESTS
+from mav_handlers.ports import Location, OriginResult
 from mav_handlers.radio import adapted_slowdown_ms
 from mav_handlers.senders import STREAM_GROUPS
 from mav_handlers.senders.intervals import ADSB_GROUP, set_interval, stream_interval_ms
-from mav_handlers.verdicts import HANDLED, MODE_REFUSED
+from mav_handlers.verdicts import HANDLED, MODE_REFUSED, ORIGIN_REFUSED
 from mav_handlers.wire.messages import (
     AUTOPILOT_VERSION_REQUEST,
     HEARTBEAT,
     RADIO,
     RADIO_STATUS,
     REQUEST_DATA_STREAM,
+    SET_GPS_GLOBAL_ORIGIN,
     SET_MODE,
     STATUSTEXT,
 )
@@ -47,6 +52,16 @@ def handle_autopilot_version_request(ctx: Context, _message: AUTOPILOT_VERSION_R
     """Queue AUTOPILOT_VERSION."""
     ctx.channel.request("AUTOPILOT_VERSION")
     return HANDLED
+
+
+def handle_set_gps_global_origin(ctx: Context, message: SET_GPS_GLOBAL_ORIGIN) -> Verdict:
+    """Set the origin from degE7 and mm; the altitude loses precision in float32, as in the firmware.
+
+    Source: GCS_MAVLINK::handle_set_gps_global_origin.
+    """
+    alt_cm = int_of_float(float(np.float32(message.altitude) * np.float32(0.1)))
+    location = Location(message.latitude, message.longitude, alt_cm)
+    return HANDLED if set_ekf_origin(ctx, location) is OriginResult.SET else ORIGIN_REFUSED
 
 
 def handle_set_mode(ctx: Context, message: SET_MODE) -> Verdict:

@@ -1,17 +1,24 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the vehicle is and how it is: presence, version, time, landed or not.
+"""What the vehicle is and how it is: presence, version, modes, time, landed or not.
 
 Source: GCS_MAVLink/GCS_Common.cpp, ArduCopter/GCS_MAVLink_Copter.cpp.
 """
 
 from typing import Final
 
-from ap_core.cint import u64
-from mav_handlers.channel import Channel
+from ap_core.cint import int_of_float, u8, u64
+from mav_handlers.channel import Channel, ModesRequest
 from mav_handlers.ports import VehiclePort
 from mav_handlers.senders.builder import boot_ms
-from mav_handlers.wire.messages import AUTOPILOT_VERSION, EXTENDED_SYS_STATE, HEARTBEAT, SYSTEM_TIME
+from mav_handlers.wire.messages import (
+    AUTOPILOT_VERSION,
+    AVAILABLE_MODES,
+    AVAILABLE_MODES_MONITOR,
+    EXTENDED_SYS_STATE,
+    HEARTBEAT,
+    SYSTEM_TIME,
+)
 
 MAV_TYPE_QUADROTOR: Final = 2
 MAV_AUTOPILOT_ARDUPILOTMEGA: Final = 3
@@ -35,7 +42,10 @@ CAPABILITIES: Final = 64495
 CAPABILITY_MAVLINK2: Final = 8192
 UID2_BYTES: Final = 18
 SYSTEM_TEXT_DIGITS: Final = 32
+MONITOR_INTERVAL_MS: Final = 5000
 _NAME: Final = b"viso"
+# It changes when a script adds a mode.
+_SEQUENCE: Final = 0
 
 
 def heartbeat(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> HEARTBEAT:
@@ -107,3 +117,30 @@ def system_text(system_id: int) -> str:
 def _uid2(vehicle: VehiclePort) -> tuple[int, ...]:
     name = system_text(vehicle.params.get_int(vehicle.release.params.system_id))
     return tuple(name.encode("ascii")[:UID2_BYTES])
+
+
+def request_modes(channel: Channel, index: float) -> None:
+    """Ask for the mode with an index (from 1), or with 0 for all of them, one at every turn of the message."""
+    channel.modes_request = ModesRequest(u8(int_of_float(index)), next_index=1)
+
+
+def available_modes(vehicle: VehiclePort, channel: Channel, _now_us: int) -> AVAILABLE_MODES | None:
+    """The mode that was asked for, or the next one of all; nothing when nobody asked or there is no such mode."""
+    request = channel.modes_request
+    if request is None:
+        return None
+    modes = vehicle.copter.available_modes()
+    index = request.index or request.next_index
+    if request.index == 0 and index < len(modes):
+        request.next_index += 1
+    else:
+        channel.modes_request = None
+    if index > len(modes):
+        return None
+    mode = modes[index - 1]
+    return AVAILABLE_MODES(len(modes), index, mode.standard_mode, mode.custom_mode, mode.properties, mode.name)
+
+
+def available_modes_monitor(_vehicle: VehiclePort, _channel: Channel, _now_us: int) -> AVAILABLE_MODES_MONITOR:
+    """A number that changes with the list."""
+    return AVAILABLE_MODES_MONITOR(_SEQUENCE)

@@ -11,7 +11,6 @@ from typing import Final
 
 from mav_handlers.senders import (
     attitude,
-    available_modes,
     gps,
     ground,
     inertial,
@@ -101,8 +100,8 @@ SENDERS: Final[Mapping[str, Builder]] = {
     "RELAY_STATUS": nothing_to_report,
     "HIGHRES_IMU": inertial.highres_imu,
     "AIRSPEED": nothing_to_report,
-    "AVAILABLE_MODES": available_modes.available_modes,
-    "AVAILABLE_MODES_MONITOR": available_modes.available_modes_monitor,
+    "AVAILABLE_MODES": status.available_modes,
+    "AVAILABLE_MODES_MONITOR": status.available_modes_monitor,
     "FLIGHT_INFORMATION": nothing_to_report,
 }
 

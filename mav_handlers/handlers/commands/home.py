@@ -12,11 +12,12 @@ from ap_core.fmath import f32, is_zero
 from ap_core.param_info import is_equal
 from mav_handlers.context import Context
 from mav_handlers.handlers.commands.results import MavResult, accepted_if, u32_of_float, u64_of_float
-from mav_handlers.handlers.origin import set_ekf_origin
 from mav_handlers.ports import Location, OriginResult
 from mav_handlers.senders import gps_global_origin, home_position
 from mav_handlers.wire.messages import COMMAND_INT
 
+MAX_LAT: Final = 900_000_000
+MAX_LNG: Final = 1_800_000_000
 LOCATION_ALT_MAX_M: Final = 83_000
 # Above home, above terrain and absolute, each also in its "INT" form.
 LOCATION_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
@@ -65,6 +66,21 @@ def altitude_cm(altitude_m: float) -> int:
 
 def _location(command: COMMAND_INT) -> Location:
     return Location(command.x, command.y, altitude_cm(command.z))
+
+
+def set_ekf_origin(ctx: Context, location: Location) -> OriginResult:
+    """Set the EKF origin and tell of it as the release does; everybody is told when home follows.
+
+    Source: GCS_MAVLINK::set_ekf_origin.
+    """
+    if abs(location.lat) > MAX_LAT or abs(location.lng) > MAX_LNG:
+        return OriginResult.INVALID
+    if location.lat == 0 and location.lng == 0 and location.alt_cm == 0:
+        return OriginResult.INVALID
+    result = ctx.vehicle.set_origin(location)
+    if result is OriginResult.SET:
+        ctx.vehicle.release.tell_origin(ctx.endpoint, ctx.channel, ctx.now_us)
+    return result
 
 
 def do_set_global_origin(ctx: Context, command: COMMAND_INT) -> MavResult:

@@ -10,8 +10,8 @@ from mav_handlers.channel import MAX_INTERVAL_MS
 from mav_handlers.context import Context
 from mav_handlers.handlers.commands.results import MavResult, u32_of_float
 from mav_handlers.senders import SENDERS
-from mav_handlers.senders.available_modes import MONITOR_INTERVAL_MS, request_modes
 from mav_handlers.senders.intervals import MIN_INTERVAL_MS, default_interval_ms, set_interval
+from mav_handlers.senders.status import MONITOR_INTERVAL_MS, request_modes
 from mav_handlers.wire.codec import message_name
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, MESSAGE_INTERVAL
 
