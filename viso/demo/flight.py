@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 from viso.companion.trials.scripted_flight import Flight, Vector
 from viso.sensors.options import ImuOptions
-from viso.sensors.script.legs import Motion
+from viso.sensors.script.legs import Motion, Trajectory
 from viso.sensors.script.script import ScriptSource
 from viso.sensors.script.script_file import Script
-from viso.sensors.script.scripted_motion import Trajectory
 from viso.sensors.vectors import Three
 
 _STILL: Three = (0.0, 0.0, 0.0)

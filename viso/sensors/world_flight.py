@@ -11,10 +11,9 @@ from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import Array
 from viso.companion.world.motion import Trajectory as WorldTrajectory
 from viso.sensors.options import ImuOptions
-from viso.sensors.script.legs import Motion
+from viso.sensors.script.legs import Motion, Trajectory
 from viso.sensors.script.script import ScriptSource
 from viso.sensors.script.script_file import Script
-from viso.sensors.script.scripted_motion import Trajectory
 from viso.sensors.vectors import Three
 
 _RATE_HZ: Final = 400  # of the main loop

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from ekf_stub.filter.inertial import GRAVITY_MSS
 from viso.sensors.attitude import quat_of_rpy
-from viso.sensors.script.scripted_motion import State
+from viso.sensors.script.legs import State
 from viso.sensors.vectors import ZERO, Three, added, scaled
 
 LEAN_LAG_S: Final = 0.1

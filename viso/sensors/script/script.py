@@ -15,9 +15,8 @@ from viso.sensors.attitude import halfway, rotate_to_body, rotation_between
 from viso.sensors.errors import exact_delta
 from viso.sensors.options import ImuOptions, UnmovedSource
 from viso.sensors.readings import last_reading_us
-from viso.sensors.script.legs import TURN
+from viso.sensors.script.legs import TURN, State
 from viso.sensors.script.script_file import EXAMPLES, Script, parse_script
-from viso.sensors.script.scripted_motion import State
 from viso.sensors.vectors import Three, added
 
 FIRST_INTERVAL_US: Final = 2500

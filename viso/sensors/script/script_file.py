@@ -61,8 +61,18 @@ from typing import Final
 from ekf_stub.filter.inertial import GRAVITY_MSS
 from viso.documents import parsed_toml
 from viso.errors import InputError
-from viso.sensors.script.legs import CurveAt, CurveLeg, Leg, Motion, PointLeg, SquareLeg, circle, figure_eight, line
-from viso.sensors.script.scripted_motion import Trajectory
+from viso.sensors.script.legs import (
+    CurveAt,
+    CurveLeg,
+    Leg,
+    Motion,
+    PointLeg,
+    SquareLeg,
+    Trajectory,
+    circle,
+    figure_eight,
+    line,
+)
 from viso.sensors.script.toml_table import TomlTable
 from viso.sensors.vectors import Three
 
