@@ -15,11 +15,10 @@ from rich.table import Column, Table
 
 from mav_handlers.links import Link, open_link
 from viso.companion.odometry.encoding import CovarianceEncoding
-from viso.companion.recorded.engine import Playback, RecordedEngine
 from viso.companion.recorded.frame_change import PRESETS, FrameChange, parse_rotation
 from viso.companion.recorded.live import RESET_JUMP_M, LiveOptions, LivePoses
 from viso.companion.recorded.messages import FORMS
-from viso.companion.recorded.player import Player, Text
+from viso.companion.recorded.player import Playback, Player, RecordedEngine, Text
 from viso.companion.recorded.readers import FORMATS, Source
 from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.sender import OffsetClock

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from viso.companion.recorded.engine import Playback, RecordedEngine
 from viso.companion.recorded.frame_change import FrameChange, parse_axes
 from viso.companion.recorded.messages import FORMS, Form
-from viso.companion.recorded.player import Player
+from viso.companion.recorded.player import Playback, Player, RecordedEngine
 from viso.companion.recorded.readers import Source, load_trajectory
 from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.recorded.records import TrajectoryError

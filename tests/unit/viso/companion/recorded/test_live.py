@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.recorded.bag_formats import PoseMessage, collect
-from viso.companion.recorded.engine import Playback, RecordedEngine
 from viso.companion.recorded.frame_change import FrameChange, parse_axes
 from viso.companion.recorded.live import NO_TIME, NO_VELOCITY, LiveOptions, LivePoses
 from viso.companion.recorded.messages import FORMS
+from viso.companion.recorded.player import Playback, RecordedEngine
 from viso.companion.recorded.records import FAR_OFF, NO_ROTATION, NOT_FINITE, NOT_LATER, usable
 
 CHANGE = FrameChange(*parse_axes("enu_flu"), np.eye(3))
