@@ -9,9 +9,8 @@ from typing import Any, Final
 from rich.table import Column, Table
 
 from viso.companion.landmarks.fit import PoseErrors
-from viso.companion.landmarks.residuals import Innovation
+from viso.companion.landmarks.residuals import Innovation, InnovationStatistics, Summary
 from viso.companion.landmarks.scene import Scene
-from viso.companion.landmarks.statistics import InnovationStatistics, Summary
 
 MOST_ROWS: Final = 20
 """Of single landmarks or aircraft in a table; machines get all."""

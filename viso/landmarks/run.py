@@ -11,10 +11,9 @@ from typing import Any, Final, TextIO
 
 from viso.companion.landmarks.aircraft import state_vectors_record
 from viso.companion.landmarks.fit import PoseErrors, fit_pose_errors
-from viso.companion.landmarks.residuals import Residuals
+from viso.companion.landmarks.residuals import Residuals, Summary, summarise
 from viso.companion.landmarks.scene import Scene
 from viso.companion.landmarks.session import MOST_PICTURES, PICTURE_PERIOD_S, ReceiverWatch, Session
-from viso.companion.landmarks.statistics import Summary, summarise
 from viso.companion.landmarks.types import Event
 from viso.errors import file_errors
 from viso.files.outputs import output_file
