@@ -38,7 +38,7 @@ def parsed(name: str) -> tuple[Any, ...]:
 
 def compare(recorded: tuple[Any, ...]) -> tuple[int, int]:
     """Return the numbers of outputs and of differences."""
-    found = [one for line in recorded for one in line_differences(1, line, json.loads(json.dumps(recompute(line))))]
+    found = [one for line in recorded for one in line_differences(1, line, recompute(line))]
     return sum(map(output_count, recorded)), len(found)
 
 
