@@ -24,12 +24,9 @@ _MARKERS: Final = (bytes([STX_V1]), bytes([STX_V2]))
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """A recorded stream.
+    """A recorded stream, with times in us as the file has them, and what it holds beside frames.
 
-    Attributes:
-        frames: with their times in us, as the file has them.
-        stream: what else is known of it; None of a telemetry log.
-        notes: what the file holds beside frames.
+    ``stream`` is what else is known of it; None of a telemetry log.
     """
 
     frames: tuple[TimedFrame, ...]

@@ -19,14 +19,8 @@ MAX_READS: Final = 64
 class FaultProxy:
     """Carries all bytes between two links, those from the first to the second with faults.
 
-    Bytes that are no frame are carried as well. What a link cannot deliver it counts itself.
-
-    Args:
-        source: where the faulty stream comes from.
-        target: where it goes to; what comes from there goes back as it is.
-        injector: fresh.
-        stop: says whether to end.
-        now_s: a monotonic clock in seconds.
+    Bytes that are no frame are carried as well, and what comes from the second goes back as it is. What a link cannot
+    deliver it counts itself. The injector must be fresh, the clock monotonic.
     """
 
     def __init__(
@@ -49,7 +43,6 @@ class FaultProxy:
 
     @property
     def unread_bytes(self) -> int:
-        """Bytes that wait for the rest of their frame."""
         return self._splitter.unread_bytes
 
     def _now_us(self) -> int:

@@ -70,10 +70,6 @@ class LivePoses:
     The reset counter counts what the autopilot must not take for movement: a position or a heading that is not where
     the motion before leads, stamps that begin again, a sender that does. Poses without a velocity get that since the
     pose before; the first one, and the first after a reset, has none, and is not told where a velocity is.
-
-    Attributes:
-        left_out: how many poses were, by reason.
-        resets: how many there were.
     """
 
     def __init__(self, options: LiveOptions) -> None:

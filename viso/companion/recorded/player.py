@@ -121,11 +121,9 @@ class TextPieces:
 
 
 class Player:
-    """Sends a heartbeat once a second and what the engine reports, and listens to texts.
+    """Sends a heartbeat once a second and what the engine reports, counts both, and listens to texts.
 
-    Attributes:
-        sent: how many messages of each type were handed out.
-        heard: whether a whole frame has come in.
+    It has ``heard`` the vehicle when a whole frame has come in.
     """
 
     def __init__(self, engine: RecordedEngine) -> None:

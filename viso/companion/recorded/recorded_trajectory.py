@@ -61,8 +61,7 @@ class RecordedTrajectory:
         resets: [N], how often the map had been lost before a record; all 0 unless given.
         left_out: how many records of the file are not here, by reason.
 
-    Raises:
-        ValueError: if a field is not what it should be; names it.
+    Raises ValueError, naming it, if a field is not what it should be.
     """
 
     times_ns: Integers

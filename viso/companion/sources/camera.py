@@ -15,13 +15,7 @@ from viso.companion.vio.types import CameraCalibration, NavCameraFrame
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiveCamera:
-    """A camera that has not been opened.
-
-    Attributes:
-        name: its number or URL.
-        fps: the most frames to take a second; None for all.
-        config: what suits it, unless told otherwise.
-    """
+    """A camera, by its number or URL, that has not been opened; it takes at most ``fps`` frames per second."""
 
     name: str
     calibration: CameraCalibration

@@ -30,12 +30,7 @@ _FLU_FROM_XYZ: Final = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Telemetry:
-    """What there is beside the pictures, by the time of the video.
-
-    Attributes:
-        samples: of the camera's IMU, FLU.
-        drone: what its autopilot has told, None if nothing.
-    """
+    """What there is beside the pictures, by the time of the video: the camera's IMU, FLU, and what its drone told."""
 
     samples: tuple[ImuSample, ...]
     drone: DroneTrack | None

@@ -79,8 +79,7 @@ def drone_track(attitudes: Array, positions: Array, spans: Sequence[tuple[float,
         spans: of each part of ``positions``: start and end of the video's time in which it came, then the times since
             boot of its first and its last message.
 
-    Raises:
-        ValueError: if times do not increase.
+    Raises ValueError if times do not increase.
     """
     boot_s, attitude_s = positions[:, 0], attitudes[:, 0]
     if not (np.diff(boot_s) > 0).all() or not (np.diff(attitude_s) > 0).all():

@@ -20,11 +20,7 @@ _LOGGER: Final = logging.getLogger(__name__)
 
 
 class EventSource(Protocol):
-    """Sensor data.
-
-    Attributes:
-        calibration: of the camera.
-    """
+    """Sensor data, and the camera's calibration."""
 
     @property
     def calibration(self) -> CameraCalibration: ...
@@ -44,17 +40,9 @@ def run_through(
 ) -> Iterator[VioUpdate]:
     """Run the strategy that a configuration names over all data of a source; yield what it makes of each frame.
 
-    Args:
-        source: of the data.
-        config: the configuration.
-        warm_start: to begin with, at the first frame; None to wait for stillness.
-        clock_ns: what the strategy and the times of its stages see; None for the time of the newest data.
-        logger: for events.
-        listeners: called with each update.
-
-    Raises:
-        ValueError: if there is no such strategy.
-        StrategyNotAvailableError: if this build does not have it.
+    Without a warm start at the first frame it waits for stillness. The clock is what the strategy and the times of its
+    stages see; None for the time of the newest data. Raises ValueError if there is no such strategy, and
+    StrategyNotAvailableError if this build does not have it.
     """
     newest_ns = 0
     clock_ns = clock_ns or (lambda: newest_ns)

@@ -48,7 +48,6 @@ class Canvas:
         material: [N, N], numbers of :class:`Material`.
         leaves: [N, N], noise of mean 0 and deviation 1 for whatever is ragged.
         metres_per_pixel: side of a pixel on the ground.
-        rng: where chance comes from.
     """
 
     tone: Field

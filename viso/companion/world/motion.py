@@ -142,12 +142,7 @@ def nadir_survey(
 
 
 def hover(height_m: float = 40.0, seed: int = 0) -> Trajectory:
-    """Return a flight that is to stay where it is: it sways by some 0.3 m in 10 s, and leans against gusts.
-
-    Args:
-        height_m: above the ground.
-        seed: of the sway and the gusts.
-    """
+    """Return a flight that is to stay where it is: it sways by some 0.3 m in 10 s, and leans against gusts."""
     rng = np.random.default_rng([seed, 8])
     rates, phases = rng.uniform(0.4, 0.8, 3), rng.uniform(0, 2 * math.pi, 3)
     heading = rng.uniform(-math.pi, math.pi)
@@ -165,12 +160,7 @@ def hover(height_m: float = 40.0, seed: int = 0) -> Trajectory:
 
 
 def room_tour(speed_m_s: float = 1.2, seed: int = 0) -> Trajectory:
-    """Return rounds in a room, 4 m long and half as wide, 1.5 m above its floor, looking around.
-
-    Args:
-        speed_m_s: on average.
-        seed: of where it starts, the looking around, and the gusts.
-    """
+    """Return rounds in a room, 4 m long and half as wide, 1.5 m above its floor, looking around."""
     rng = np.random.default_rng([seed, 9])
     course = nadir_survey(speed_m_s, 1.5, 4.0, seed)
     phase = rng.uniform(0, 2 * math.pi)
