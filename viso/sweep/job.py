@@ -25,7 +25,7 @@ from viso.logs.recorded import read_recorded_states
 from viso.options.ahrs import AhrsChoice, ahrs_maker, imu_options
 from viso.replay.figures import Judge, Row
 from viso.replay.run import ReplaySetup, run_replay
-from viso.sensors.inertial_sources import MakeSource, read_source
+from viso.sensors.inertial_sources import read_source
 from viso.streams.stream import timed_frames
 from viso.streams.stream_kinds import (
     DATAFLASH_LOG,
@@ -70,13 +70,17 @@ def _row_of(plan: SweepPlan, point: Point) -> Row:
         raise InputError(f"a worker has viso {installed_version()}, the sweep was defined with {plan.code}")
     recorded, firmware = plan.recordings[point.recording], PROFILES[point.firmware]
     values = {axis.name: value for axis, value in zip(plan.axes, point.values, strict=True)}
-    stream = _until(_faulty(_stream(plan, recorded), plan.faults[point.faults], values, point.seed), plan.until_s)
+    for file in (recorded.file, *recorded.others):
+        check_file(file)
+    path, lead_us = Path(recorded.file.path), round(plan.lead_s * 1e6)
+    whole = _read_stream(path, lead_us, plan.trajectory)
+    stream = _until(_faulty(whole, plan.faults[point.faults], values, point.seed), plan.until_s)
     chosen = {name: value for name, value in values.items() if fault_field(name) is None}
     baud = (stream.baud if plan.baud is None else plan.baud) or None
     make_ahrs = _ahrs(plan, recorded, point.seed)
     truth = None
     if recorded.reference is not None:
-        truth = read_reference(Path(recorded.reference), Path(recorded.file.path), _lead_us(plan), plan.trajectory)
+        truth = read_reference(Path(recorded.reference), path, lead_us, plan.trajectory)
     judge = Judge(truth)
     outcome = run_replay(
         stream,
@@ -90,6 +94,9 @@ def _row_of(plan: SweepPlan, point: Point) -> Row:
 
 # What files hold, read once a process and checked to be what the sweep was defined with
 
+_read_stream = lru_cache(_KEPT)(read_stream)
+_read_source = lru_cache(_KEPT)(read_source)
+
 
 @lru_cache(_KEPT * 4)
 def check_file(file: InputFile) -> None:
@@ -98,36 +105,16 @@ def check_file(file: InputFile) -> None:
         raise InputError(f"{file.path}: not the file that the sweep was begun with")
 
 
-def _stream(plan: SweepPlan, recorded: Recorded) -> Stream:
-    for file in (recorded.file, *recorded.others):
-        check_file(file)
-    return _read_stream(recorded.file.path, _lead_us(plan), plan.trajectory)
-
-
-def _lead_us(plan: SweepPlan) -> int:
-    return round(plan.lead_s * 1e6)
-
-
-@lru_cache(_KEPT)
-def _read_stream(path: str, lead_us: int, options: TrajectoryOptions) -> Stream:
-    return read_stream(Path(path), lead_us, options)
-
-
 def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[AhrsParts], AhrsBase]:
     if recorded.ahrs is not None:
         return _following(recorded.ahrs)
     choice = AhrsChoice(None, recorded.imu, list(plan.imu_errors), seed or 0, plan.heading_deg)
-    return by_ekf3(_source(recorded.imu), imu_options(choice), buffer_ms=math.ceil(plan.buffer_ms))
+    return by_ekf3(_read_source(recorded.imu), imu_options(choice), buffer_ms=math.ceil(plan.buffer_ms))
 
 
 @lru_cache(_KEPT)
 def _following(log: str) -> Callable[[AhrsParts], AhrsBase]:
     return ahrs_maker(AhrsChoice(Path(log)))
-
-
-@lru_cache(_KEPT)
-def _source(imu: str) -> MakeSource:
-    return read_source(imu)
 
 
 @lru_cache(_KEPT)
