@@ -75,9 +75,14 @@ class LiveVio:
             frames, streams, is_north = source.open(now_ns), _CAMERA_STREAMS, False
         else:
             self._feed = RecordingFeed(source, self.take_imu, self.take_height, self._handed)
-            on_imu, is_north = _leave_out, source.world_is_north
+            # A recording has an IMU of its own.
+            on_imu, is_north = (lambda _sample: None), source.world_is_north
             streams = {} if is_north else _NORTH_STREAMS
-        inbound = FcInbound(self._sync, on_imu, self._take_agl)
+        inbound = FcInbound(
+            self._sync,
+            on_imu,
+            lambda t_ns, agl_m: self.take_height(HeightMeasurement(t_ns, agl_m, config.agl_sigma_m)),
+        )
         self._odometry = OdometrySource(
             config, local_alignment=alignment, world_is_north=is_north, yaw_at=inbound.yaw_at
         )
@@ -150,9 +155,6 @@ class LiveVio:
         """Take a height above ground."""
         self._runtime.worker.strategy.add_height(height.t_ns, height.height_m, height.sigma_m)
 
-    def _take_agl(self, t_ns: int, agl_m: float) -> None:
-        self.take_height(HeightMeasurement(t_ns, agl_m, self._config.agl_sigma_m))
-
     def _is_over(self, end_ns: int | None) -> bool:
         if self._feed is not None:
             return self._feed.is_over
@@ -171,7 +173,3 @@ class LiveVio:
             while self._sender.texts:
                 self._on_text(self._sender.texts.popleft())
         wait_readable([] if self._link is None else [self._link], max(0.0, (min(due_ns) - self._now_ns()) * 1e-9))
-
-
-def _leave_out(_sample: ImuSample) -> None:
-    """Take no notice of the autopilot's IMU: a recording has its own."""

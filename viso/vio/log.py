@@ -64,7 +64,9 @@ class VioLog:
 
     def take(self, update: VioUpdate) -> None:
         """Take what is told about a frame."""
-        self.frames.append(LoggedFrame(update.t_ns - self.shift_ns, update, self._sigma_m(update)))
+        local = self._composer.compose_alone(update.output)
+        sigma_m = None if local is None else math.sqrt(float(np.trace(local.covariance_6x6[3:, 3:])) / 3)
+        self.frames.append(LoggedFrame(update.t_ns - self.shift_ns, update, sigma_m))
 
     @property
     def last(self) -> LoggedFrame | None:
@@ -112,10 +114,6 @@ class VioLog:
             "resets": 0 if last is None else last.update.report.resets,
             **({"engine": dict(last.update.report.counters)} if last and last.update.report.counters else {}),
         }
-
-    def _sigma_m(self, update: VioUpdate) -> float | None:
-        local = self._composer.compose_alone(update.output)
-        return None if local is None else math.sqrt(float(np.trace(local.covariance_6x6[3:, 3:])) / 3)
 
 
 def tum_lines(trajectory: TimedPoses) -> list[str]:

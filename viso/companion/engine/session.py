@@ -139,7 +139,10 @@ class EngineSession:
         before, estimate = self.child.exchange([*frames, frame_of(told)], Estimate, self._timeout_s)
         try:
             self._check(estimate, t_ns)
-            return [_checked_update(one) for one in before if isinstance(one, KeyframeUpdate)], estimate
+            updates = [one for one in before if isinstance(one, KeyframeUpdate)]
+            for update in updates:
+                SE3.from_matrix(update.world_T_keyframe.reshape(4, 4))
+            return updates, estimate
         except (ProtocolError, ValueError) as error:
             raise EngineFailure("protocol_errors", f"estimate: {error}") from error
 
@@ -186,11 +189,6 @@ def relative_covariance(joint: Array, keyframe_T_body: SE3, keyframe_R: Array) -
     jacobian[3:, 3:6] = -jacobian[3:, 9:]
     covariance: Array = jacobian @ joint @ jacobian.T
     return covariance
-
-
-def _checked_update(update: KeyframeUpdate) -> KeyframeUpdate:
-    SE3.from_matrix(update.world_T_keyframe.reshape(4, 4))
-    return update
 
 
 def _setup(camera: CameraCalibration, config: VioConfig) -> Setup:

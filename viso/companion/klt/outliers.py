@@ -82,9 +82,18 @@ def check(
 def _fitted(
     before_px: Array, after_px: Array, focal_px: float, threshold_px: float, disparity_px: float, *, planar: bool
 ) -> Agreement:
-    homography = _homography(before_px, after_px, threshold_px)
-    # A known plane needs no second model, unless there is none.
-    essential = None if planar and homography is not None else _essential(before_px, after_px, focal_px, threshold_px)
+    homography = _inliers(
+        *cv2.findHomography(
+            before_px, after_px, cv2.USAC_MAGSAC, threshold_px, maxIters=_ITERATIONS, confidence=_CONFIDENCE
+        )
+    )
+    essential = None
+    if homography is None or not planar:  # a known plane needs no second model
+        camera = np.diag([focal_px, focal_px, 1.0])
+        found: Any = cv2.findEssentialMat(
+            before_px, after_px, camera, cv2.USAC_MAGSAC, _CONFIDENCE, threshold_px, maxIters=_ITERATIONS
+        )
+        essential = _inliers(*found)
     if essential is None and homography is None:
         return Agreement(np.zeros(len(before_px), np.bool_), None, disparity_px)
     kept = 0 if homography is None else np.count_nonzero(homography)
@@ -92,21 +101,6 @@ def _fitted(
         return Agreement(homography, Model.HOMOGRAPHY, disparity_px)
     assert essential is not None
     return Agreement(essential, Model.ESSENTIAL, disparity_px)
-
-
-def _homography(before_px: Array, after_px: Array, threshold_px: float) -> Mask | None:
-    model, mask = cv2.findHomography(
-        before_px, after_px, cv2.USAC_MAGSAC, threshold_px, maxIters=_ITERATIONS, confidence=_CONFIDENCE
-    )
-    return _inliers(model, mask)
-
-
-def _essential(before_px: Array, after_px: Array, focal_px: float, threshold_px: float) -> Mask | None:
-    camera = np.diag([focal_px, focal_px, 1.0])
-    model, mask = cv2.findEssentialMat(
-        before_px, after_px, camera, cv2.USAC_MAGSAC, _CONFIDENCE, threshold_px, maxIters=_ITERATIONS
-    )
-    return _inliers(model, mask)
 
 
 def _inliers(model: Any, mask: Any) -> Mask | None:

@@ -77,13 +77,9 @@ class ClockSync:
         if not 0 <= round_trip_ns <= MAX_ROUND_TRIP_NS:
             return
         sample = _Sample(round_trip_ns, message.ts1 + round_trip_ns // 2 - message.tc1)
-        best = self._best()
-        if best is not None and _disagree(sample, best):
+        best = self._best() or sample
+        uncertainty_ns = (sample.round_trip_ns + best.round_trip_ns) // 2 + _DRIFT_NS
+        if abs(sample.offset_ns - best.offset_ns) > uncertainty_ns:
             # One of the clocks has been set or restarted, as a rebooted autopilot's has.
             self._samples.clear()
         self._samples.append(sample)
-
-
-def _disagree(one: _Sample, other: _Sample) -> bool:
-    uncertainty_ns = (one.round_trip_ns + other.round_trip_ns) // 2 + _DRIFT_NS
-    return abs(one.offset_ns - other.offset_ns) > uncertainty_ns

@@ -97,7 +97,11 @@ class OdometryPropagator:
         self._corrected_ns, self._bias = t_ns, bias
         self._motion = self._motion_of(t_ns, pose, velocity_b, up * -GRAVITY_MSS)
         after = self._carried_on()
-        return None if before is None or after is None else _change(before, after)
+        if before is None or after is None:
+            return None
+        # A frame newer than all inertial data is compared with where the old velocity would have led.
+        position = before.p + before.v * ((after.t_ns - before.t_ns) * 1e-9)
+        return after.p - position, before.P[6:, 6:]
 
     def state(self) -> MotionState | None:
         """Return the state at the newest sample, or at the last camera frame if that is newer; None before one."""
@@ -154,9 +158,3 @@ def _moved(motion: _Motion, delta: PreintegratedDelta, t_ns: int) -> _Motion:
         F.dot(motion.P).dot(F.T) + G.dot(delta.cov).dot(G.T),
         motion.gravity,
     )
-
-
-def _change(before: _Motion, after: _Motion) -> tuple[Array, Array]:
-    # A frame newer than all inertial data is compared with where the old velocity would have led.
-    position = before.p + before.v * ((after.t_ns - before.t_ns) * 1e-9)
-    return after.p - position, before.P[6:, 6:]

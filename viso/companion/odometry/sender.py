@@ -68,7 +68,10 @@ class OdometrySender:
         self._receive(now_us)
         if self._next_heartbeat_us <= now_us:
             self._next_heartbeat_us = _after(now_us, self._next_heartbeat_us, HEARTBEAT_PERIOD_US)
-            self._send_heartbeat(now_us)
+            self.send(COMPANION_HEARTBEAT)
+            if self._inbound.imu_silent(now_us * 1000):
+                for request in self._stream_requests:
+                    self.send(request)
         if self._next_request_us <= now_us:
             self._next_request_us = _after(now_us, self._next_request_us, REQUEST_PERIOD_US)
             self.send(self._clock.request(now_us * 1000))
@@ -79,12 +82,6 @@ class OdometrySender:
         """Send a message now."""
         self._link.send(self._codec.encode(message))
         self.counters[type(message).__name__] += 1
-
-    def _send_heartbeat(self, now_us: int) -> None:
-        self.send(COMPANION_HEARTBEAT)
-        if self._inbound.imu_silent(now_us * 1000):
-            for request in self._stream_requests:
-                self.send(request)
 
     def _send_odometry(self, now_us: int) -> None:
         message = self._odometry(now_us)

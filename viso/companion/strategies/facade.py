@@ -103,7 +103,9 @@ class NativeFacade(StrategyBase):
             image = self._images.make(frame.pixels)
         self._start_at_rest(image, imu_window)
         self._add_imu(imu_window)
-        self._add_height(t_ns)
+        height = self._heights.take(t_ns, 0.0, self._velocity_w) if self._has_height else None
+        if height is not None:
+            self._engine.add_height(t_ns, *height)
         with self.stage("engine"):
             status = self._engine.add_image(t_ns, image)
         if status is NativeStatus.INITIALISING and self.health.state is VioState.INIT:
@@ -142,11 +144,6 @@ class NativeFacade(StrategyBase):
     @property
     def _has_height(self) -> bool:
         return self._engine.takes_height and self.context.config.agl_source is not AglSource.NONE
-
-    def _add_height(self, t_ns: int) -> None:
-        height = self._heights.take(t_ns, 0.0, self._velocity_w) if self._has_height else None
-        if height is not None:
-            self._engine.add_height(t_ns, *height)
 
     def _imu_fault(self, window: ImuWindow) -> str | None:
         if window.start_t_ns == window.end_t_ns:  # there was no frame before

@@ -4,7 +4,7 @@
 
 from typing import Final
 
-from viso.companion.klt.keyframes import Keyframe
+from viso.companion.klt.front_end import Keyframe
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.estimator import FEWEST_LANDMARKS, Node, NodeFacts, SmootherEstimator
 from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy

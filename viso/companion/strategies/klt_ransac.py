@@ -41,7 +41,8 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
         state, keyframe, t_ns = estimator.state, self._keyframe, seen.window.end_t_ns
         self._number += 1
         rests = keyframe is not None and self._takes_rest(state, t_ns - seen.window.start_t_ns)
-        is_cloned = keyframe is None or (not rests and self._is_due(seen))
+        is_due = seen.sighting.model is not None and t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
+        is_cloned = keyframe is None or (is_due and not rests)
         if not rests:
             estimator.compare(seen.sighting)
         used = self._add_frame(estimator, seen) if is_cloned else TracksUsed()
@@ -63,10 +64,6 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
             leaves_scale_open=self._ground.leaves_scale_open(state),
             start_covariance_6x6=since,
         )
-
-    def _is_due(self, seen: Seen) -> bool:
-        """Return whether to keep the pose of a frame."""
-        return seen.sighting.model is not None and seen.window.end_t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
 
     def _add_frame(self, estimator: WindowEstimator, seen: Seen) -> TracksUsed:
         plane = self._ground_below(estimator.state, seen.window.end_t_ns)

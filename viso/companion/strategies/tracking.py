@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 import threadpoolctl
 
-from viso.companion.klt.front_end import FrontEnd, Sighting
-from viso.companion.klt.keyframes import Keyframe
+from viso.companion.klt.front_end import FrontEnd, Keyframe, Sighting
 from viso.companion.klt.working_image import WorkingImages, shrink_factor
 from viso.companion.msckf.aiding import stand_still
 from viso.companion.msckf.ground import Ground

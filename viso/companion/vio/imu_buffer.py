@@ -60,11 +60,8 @@ class ImuBuffer:
             ValueError: if ``t1_ns`` is before ``t0_ns``.
         """
         with self._changed:
-            self._wait(self._changed, lambda: self._reaches(t1_ns), wait_s)
+            self._wait(self._changed, lambda: bool(self._samples) and self._samples[-1].t_ns >= t1_ns, wait_s)
             samples = list(self._samples)
         first = max(bisect_right(samples, t0_ns, key=_TIME) - 1, 0)
         last = bisect_left(samples, t1_ns, key=_TIME) + 1
         return ImuWindow(t0_ns, t1_ns, tuple(samples[first:last]))
-
-    def _reaches(self, t_ns: int) -> bool:
-        return bool(self._samples) and self._samples[-1].t_ns >= t_ns

@@ -167,7 +167,9 @@ class StrategyBase(abc.ABC):
             with self._fatal_is_lost():
                 self._check(frame, calibration)
                 if self.health.state is VioState.LOST:
-                    self._leave_lost()
+                    if not self.health.auto_reinit(self._t_ns):
+                        raise VioFatalError(f"VIO LOST: {self.health.snapshot().reason}")
+                    self._start_over()
                 return self._process(frame, imu_window, calibration)
 
     def reset_to_warm_start(self, pose: WarmStartPose) -> None:
@@ -298,14 +300,8 @@ class StrategyBase(abc.ABC):
             size = f"{calibration.width}x{calibration.height}"
             raise VioFatalError(f"frame of {width}x{height} pixels, calibration of {size}")
 
-    def _leave_lost(self) -> None:
-        if not self.health.auto_reinit(self._t_ns):
-            raise VioFatalError(f"VIO LOST: {self.health.snapshot().reason}")
-        self._start_over()
-
     def _on_transition(self, old: VioState, new: VioState, reason: str) -> None:
-        lost = self.health.snapshot().consecutive_lost
-        self._log.state_change(old, new, reason, lost)
+        self._log.state_change(old, new, reason, self.health.snapshot().consecutive_lost)
 
 
 def _checked(pose: WarmStartPose) -> WarmStartPose:

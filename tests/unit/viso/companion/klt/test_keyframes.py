@@ -7,8 +7,7 @@ import uuid
 import numpy as np
 import pytest
 
-from viso.companion.klt.front_end import Sighting
-from viso.companion.klt.keyframes import MAX_AGE_NS, MIN_COMMON, MIN_DISPARITY_PX, Keyframe
+from viso.companion.klt.front_end import MAX_AGE_NS, MIN_COMMON, MIN_DISPARITY_PX, Keyframe, Sighting
 from viso.companion.klt.outliers import Model, rotated
 from viso.companion.vio.se3 import Array, so3_exp
 
