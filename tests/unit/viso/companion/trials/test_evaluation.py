@@ -59,7 +59,7 @@ def in_evo(poses: TimedPoses) -> PoseTrajectory3D:
 @pytest.mark.slow
 @given(seeds)
 def test_absolute_error_is_evos(seed: int) -> None:
-    truth = flown(seed)
+    truth = flown(seed, 20)
     estimate = estimated(truth, seed)
     theirs = in_evo(estimate)
     theirs.align(in_evo(truth))
@@ -71,7 +71,7 @@ def test_absolute_error_is_evos(seed: int) -> None:
 @pytest.mark.slow
 @given(seeds)
 def test_alignment_and_scale_are_evos(seed: int) -> None:
-    truth = flown(seed)
+    truth = flown(seed, 20)
     estimate = estimated(truth, seed, sigma_m=0.5)
     ours = absolute_error(estimate, truth)
     rotation, _, scale = in_evo(estimate).align(in_evo(truth), correct_scale=True)

@@ -21,7 +21,7 @@ FLIGHTS = {
     "from ground": from_ground(SURVEY, still_s=4.0, climb_s=8.0, ramp_s=5.0),
 }
 UP = np.array([0.0, 0.0, 1.0])
-MILLISECONDS = np.linspace(0.0, 1.0, 1001)
+MILLISECONDS = np.linspace(0.0, 0.3, 301)
 flights = st.sampled_from(sorted(FLIGHTS))
 times = st.floats(0.0, 60.0)
 
@@ -31,7 +31,7 @@ times = st.floats(0.0, 60.0)
 def test_velocity_integrates_to_the_position(name: str, start_s: float) -> None:
     motion = FLIGHTS[name].motion(start_s + MILLISECONDS)
     moved = np.trapezoid(motion.velocity_w, motion.t_s, axis=0)
-    assert moved == pytest.approx(motion.position_w[-1] - motion.position_w[0], abs=2e-6)
+    assert moved == pytest.approx(motion.position_w[-1] - motion.position_w[0], abs=6e-7)
 
 
 @pytest.mark.slow
@@ -40,7 +40,7 @@ def test_specific_force_and_gravity_integrate_to_the_velocity(name: str, start_s
     motion = FLIGHTS[name].motion(start_s + MILLISECONDS)
     acceleration = np.einsum("nij,nj->ni", motion.rotation_wb, motion.specific_force_b) - GRAVITY_MSS * UP
     gained = np.trapezoid(acceleration, motion.t_s, axis=0)
-    assert gained == pytest.approx(motion.velocity_w[-1] - motion.velocity_w[0], abs=2e-6)
+    assert gained == pytest.approx(motion.velocity_w[-1] - motion.velocity_w[0], abs=6e-7)
 
 
 @pytest.mark.slow
@@ -50,7 +50,7 @@ def test_rates_integrate_to_the_attitude(name: str, start_s: float) -> None:
     rotation = motion.rotation_wb[0]
     for rates in 0.5 * (motion.rates_b[1:] + motion.rates_b[:-1]):
         rotation = rotation @ so3_exp(1e-3 * rates)
-    assert np.linalg.norm(so3_log(motion.rotation_wb[-1].T @ rotation)) < 2e-6
+    assert np.linalg.norm(so3_log(motion.rotation_wb[-1].T @ rotation)) < 6e-7
 
 
 @given(flights, times)
