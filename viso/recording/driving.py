@@ -18,6 +18,7 @@ from viso.options.ahrs import AhrsChoice, ahrs_maker
 from viso.options.firmware import firmware_of
 from viso.recording.recorder import Recorder, Recording
 from viso.recording.scenario import Scenario
+from viso.running.playing import LONGEST_WAIT_S
 from viso.running.power import Port, PoweredVehicle
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import LOOP_PERIOD_US, VehicleConfig
@@ -26,8 +27,6 @@ VISO: Final = "viso"
 MASTER_HELP: Final = (
     "Link to the autopilot, as of viso serve; viso or viso:FIRMWARE is a vehicle of this program's own in virtual time."
 )
-LONGEST_WAIT_S: Final = 0.1
-"""How long to wait at once, so that a signal is heeded soon."""
 SIMULATOR_BAUD: Final = 115_200
 """Of the UART whose transport time the firmware's simulator models on its first port."""
 

@@ -18,9 +18,8 @@ from viso.companion.recorded.live import LivePoses
 from viso.companion.recorded.player import Text, TextPieces
 from viso.companion.vio.config import OdometryConfig
 from viso.ros2.poses import Heard, PoseTopic
+from viso.running.playing import LONGEST_WAIT_S
 
-LONGEST_WAIT_S: Final = 0.1
-"""How long to wait at once, so that a signal is heeded soon."""
 SILENT_NS: Final = 3_000_000_000
 GONE_NS: Final = 1_000_000_000
 """A writer that has been silent for so long is given up for another."""

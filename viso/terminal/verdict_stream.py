@@ -7,10 +7,8 @@ in is told only if something else became of the one of its kind before it.
 """
 
 import json
-from collections.abc import Callable, Mapping
 from enum import StrEnum
-from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final
 
 from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
@@ -65,19 +63,6 @@ def filter_json_line(now_us: int, outcome: FilterOutcome) -> str:
     return json.dumps({"time_us": now_us, "link": None, "type": "FILTER", **as_dict(outcome)})
 
 
-class Lines(NamedTuple):
-    """How lines look: that of a message, and that of a sample in the filter."""
-
-    of_message: Callable[[str, MessageEvent], str]
-    of_sample: Callable[[int, FilterOutcome], str]
-
-
-LINES: Final[Mapping[VerdictFormat, Lines]] = MappingProxyType(
-    {
-        VerdictFormat.TEXT: Lines(text_line, filter_text_line),
-        VerdictFormat.JSON: Lines(json_line, filter_json_line),
-    }
-)
 _MAY_GO_ON: Final = (Fate.FUSED, Fate.UNUSED, Fate.REFUSED)
 
 
@@ -89,8 +74,7 @@ class VerdictStream:
 
     def __init__(self, writer: LineWriter, kind: VerdictFormat, name: str) -> None:
         self._writer = writer
-        self._lines = LINES[kind]
-        self._tells_all = kind is VerdictFormat.JSON
+        self._is_json = kind is VerdictFormat.JSON
         self._last_rules: dict[str, str] = {}
         self._name = name
 
@@ -101,7 +85,8 @@ class VerdictStream:
 
     def take(self, link: str, event: MessageEvent) -> None:
         """Write the verdict on a message that came over a link."""
-        self._writer.put(self._lines.of_message(link, event))
+        line = json_line if self._is_json else text_line
+        self._writer.put(line(link, event))
 
     def take_outcome(self, now_us: int, outcome: FilterOutcome) -> None:
         """Write the outcome of a sample in the filter, once that is settled; ``now_us`` is since boot."""
@@ -110,8 +95,10 @@ class VerdictStream:
             return
         goes_on = fate_of(rule) in _MAY_GO_ON and self._last_rules.get(outcome.kind) == rule.code
         self._last_rules[outcome.kind] = rule.code
-        if self._tells_all or not goes_on:
-            self._writer.put(self._lines.of_sample(now_us, outcome))
+        if self._is_json:
+            self._writer.put(filter_json_line(now_us, outcome))
+        elif not goes_on:
+            self._writer.put(filter_text_line(now_us, outcome))
 
     def close(self) -> None:
         """Write what is waiting, as long as the reader takes it."""
