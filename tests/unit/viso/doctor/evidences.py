@@ -56,11 +56,9 @@ def speed(stamp_us: int, **fields: Any) -> VISION_SPEED_ESTIMATE:
 
 def seen(number: int, arrival_us: int, message: Message, verdict: Verdict = CONSUMED, **fields: Any) -> SeenMessage:
     """Return a message of 1/197 that came with the sequence number of its own number."""
-    frame = b"%d" % number
-    made = SeenMessage(
-        number, arrival_us, 1, 197, number % 256, 2, type(message).__name__, message, frame, verdict, (), ()
-    )
-    return replace(made, **fields)
+    values: dict[str, Any] = {"system_id": 1, "component_id": 197, "sequence": number % 256, "version": 2}
+    values |= {"name": type(message).__name__, "frame": b"%d" % number, "records": (), "samples": (), **fields}
+    return SeenMessage(number=number, arrival_us=arrival_us, message=message, verdict=verdict, **values)
 
 
 def evidence_of(

@@ -94,8 +94,8 @@ def _said(time_s: float, tick: int) -> Iterable[tuple[int, Message]]:
     state, boot_ms = state_at(time_s), round(1e3 * time_s)
     if tick % 50 == 0:
         yield 1, HEARTBEAT(2, 3, _ARMED * (time_s > 2), 0, 4, 3)
-    yield 1, ATTITUDE(boot_ms, state.roll, state.pitch, 0.0, *state.rates, 0.0)
     if tick % 2 == 0:
+        yield 1, ATTITUDE(boot_ms, state.roll, state.pitch, 0.0, *state.rates, 0.0)
         yield 197, flow_at(time_s)
         north, east = state.place
         angles = state.roll, state.pitch, 0.0
