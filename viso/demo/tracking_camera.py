@@ -15,13 +15,16 @@ from viso.closed_loop.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, Vehicle
 from viso.closed_loop.record import LoopRecord
 from viso.companion.sender import Companion, OffsetClock
 from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
-from viso.companion.trials.scripted_flight import Flight
-from viso.demo.flight import flight_source
+from viso.companion.trials.scripted_flight import Flight, Vector
 from viso.fates.watch import AidingSpan
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.sink import LogSink
 from viso.sensors.errors import SensorErrors
 from viso.sensors.options import ImuOptions
+from viso.sensors.script.legs import Motion, Trajectory
+from viso.sensors.script.script import ScriptSource
+from viso.sensors.script.script_file import Script
+from viso.sensors.vectors import Three
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
@@ -42,6 +45,7 @@ SENSOR_ERRORS: Final = SensorErrors(
 )
 END_S: Final = FLIGHT.end_s + 4.0
 ARM_S: Final = 26.0
+_STILL: Final[Three] = (0.0, 0.0, 0.0)
 
 PARAMS: Final = {
     "VISO_TYPE": 2,
@@ -57,6 +61,34 @@ PARAMS: Final = {
     "LOG_DISARMED": 1,
     "LOG_REPLAY": 1,  # so that the filter can be run on the log
 }
+
+
+@dataclass(frozen=True)
+class FlightLeg:
+    """A whole flight as one leg of a script; its accelerations are those of its positions."""
+
+    flight: Flight
+
+    @property
+    def duration_s(self) -> float:
+        """From take-off to touch-down."""
+        return self.flight.end_s - self.flight.start_s
+
+    def at(self, t: float) -> Motion:
+        """Return the motion t seconds after take-off, without the acceleration, for which nobody asks here."""
+        time_s, flight = self.flight.start_s + t, self.flight
+        pos, vel, rpy = flight.position_ned(time_s), flight.velocity_ned(time_s), flight.attitude_rpy_rad(time_s)
+        return Motion(_three(pos), _three(vel), _STILL, _three(rpy))
+
+
+def _three(vector: Vector) -> Three:
+    x, y, z = vector.tolist()
+    return x, y, z
+
+
+def flight_source(flight: Flight, options: ImuOptions) -> ScriptSource:
+    """Return the sensors of a vehicle that flies it, whether armed or not."""
+    return ScriptSource(options, Script(Trajectory([FlightLeg(flight)], tilts=False), flight.start_s, 0.0))
 
 
 class PoseSample(NamedTuple):
