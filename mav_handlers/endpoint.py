@@ -216,7 +216,7 @@ class MavEndpoint:
             channel.index,
             own_system=system_id,
             is_private=self._private().__getitem__,
-            is_active=lambda index: self.channels[index].active,
+            is_active=self._is_active,
             channels=range(len(self.channels)),
         )
         for index in routing.forward_to:
@@ -356,6 +356,9 @@ class MavEndpoint:
             self._vehicle.params,
             lambda: [self._options(channel.port) & OPTION_PRIVATE != 0 for channel in self.channels],
         )
+
+    def _is_active(self, index: int) -> bool:
+        return self.channels[index].active
 
     def _is_private(self, channel: Channel) -> bool:
         return self._private()[channel.index]
