@@ -30,10 +30,6 @@ def _within(limit: float, *values: float) -> bool:
     return sum(map(abs, values)) <= limit
 
 
-def _is_mag_sound(frame: Frame) -> bool:
-    return frame.mag is None or _within(MAX_FIELD_MGAUSS, *frame.mag[1].tolist())
-
-
 def _is_gps_sound(frame: Frame) -> bool:
     gps = frame.gps
     if gps is None:
@@ -44,10 +40,6 @@ def _is_gps_sound(frame: Frame) -> bool:
         and _within(MAX_GPS_ERROR, *(error for error in errors if error is not None))
         and (gps.yaw_deg is None or _within(MAX_GPS_YAW_DEG, gps.yaw_deg))
     )
-
-
-def _is_place_declination_sound(frame: Frame) -> bool:
-    return frame.place_declination is None or _within(MAX_DECLINATION_RAD, frame.place_declination)
 
 
 def _are_ranges_sound(frame: Frame) -> bool:
@@ -65,10 +57,10 @@ def _are_compasses_sound(frame: Frame) -> bool:
 
 _SLOW: Final[dict[str, tuple[Callable[[Frame], bool], Any]]] = {
     "baro": (lambda frame: frame.baro is None or _within(MAX_BARO_M, frame.baro[1]), None),
-    "mag": (_is_mag_sound, None),
+    "mag": (lambda frame: frame.mag is None or _within(MAX_FIELD_MGAUSS, *frame.mag[1].tolist()), None),
     "gps": (_is_gps_sound, None),
     "declination": (lambda frame: _within(MAX_DECLINATION_RAD, frame.declination), 0.0),
-    "place_declination": (_is_place_declination_sound, None),
+    "place_declination": (lambda frame: _within(MAX_DECLINATION_RAD, frame.place_declination or 0.0), None),
     "lever_arm": (lambda frame: _within(MAX_LEVER_ARM_M, *frame.lever_arm), (0.0, 0.0, 0.0)),
     "ranges": (_are_ranges_sound, None),
     "compasses": (_are_compasses_sound, NO_COMPASS),

@@ -66,12 +66,10 @@ class Delayed:
         """Take out what has come due, and move it from the camera to the IMU, by its place there in m, body (FRD)."""
         self.has_pose = self.has_velocity = False
         if self._ingest.has_due:
-            self._recall_pose(state, lever_arm)
-            self._recall_velocity(state, step, lever_arm)
-
-    def _recall_pose(self, state: ErrorState, lever_arm: Three) -> None:
-        sample = self._ingest.recall_pose()
-        self.has_pose = sample is not None and self._take_pose(sample, state, lever_arm)
+            pose = self._ingest.recall_pose()
+            self.has_pose = pose is not None and self._take_pose(pose, state, lever_arm)
+            velocity = self._ingest.recall_velocity()
+            self.has_velocity = velocity is not None and self._take_velocity(velocity, state, step, lever_arm)
 
     def _take_pose(self, sample: PoseSample, state: ErrorState, lever_arm: Three) -> bool:
         x, y, z, err = map(float, (*sample.pos.to_tuple(), sample.pos_err))
@@ -82,10 +80,6 @@ class Delayed:
             pos -= state.rotation @ np.array(lever_arm)
         self.pose = Pose(sample.time_ms, pos, err, sample.pos_reset)
         return True
-
-    def _recall_velocity(self, state: ErrorState, step: InertialStep, lever_arm: Three) -> None:
-        sample = self._ingest.recall_velocity()
-        self.has_velocity = sample is not None and self._take_velocity(sample, state, step, lever_arm)
 
     def _take_velocity(self, sample: VelocitySample, state: ErrorState, step: InertialStep, lever_arm: Three) -> bool:
         x, y, z, err = map(float, (*sample.vel.to_tuple(), sample.err))

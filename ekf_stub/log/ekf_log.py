@@ -34,7 +34,7 @@ from ekf_stub.log.ekf_log_structure import (
     XKY0,
     XKY1,
 )
-from ekf_stub.reports.core_report import CoreReport, GsfReport, OdometryReport, RunReport
+from ekf_stub.reports.core_report import CoreReport, GsfReport, RunReport
 
 COVARIANCE_INTERVAL_MS: Final = 490
 TILT_INTERVAL_MS: Final = 500
@@ -128,7 +128,8 @@ class EkfLog:
         primary, cores = self._primary(), self._cores
         records = [(XKF4, _xkf4(report, primary), False)]
         if level != _ONLY_XKF4 and report.gsf is not None:
-            records += [(XKY0, _xky0(report.gsf), False), (XKY1, _xky1(report.gsf), False)]
+            innovations = (*report.gsf.innovations_north, *report.gsf.innovations_east)
+            records += [(XKY0, _xky0(report.gsf), False), (XKY1, innovations, False)]
         if level < _ONLY_XKF4:
             records += self._further_records(report, now_us // 1000, of_primary=primary in cores)
         for core in cores:
@@ -153,7 +154,7 @@ class EkfLog:
             return records
         if report.odometry is not None and report.odometry.recalled != self._odometry_recalled:
             self._odometry_recalled = report.odometry.recalled
-            records.append((XKFD, _xkfd(report.odometry), True))
+            records.append((XKFD, (*report.odometry.innovation, *report.odometry.variance), True))
         if (now_ms - self._covariance_ms) & _U32 > COVARIANCE_INTERVAL_MS:
             self._covariance_ms = now_ms
             records.append((XKV1, report.variances[:_STATES_OF_XKV1], True))
@@ -208,14 +209,6 @@ def _xkf5(report: CoreReport) -> Values:
     )
 
 
-def _xkfd(odometry: OdometryReport) -> Values:
-    return (*odometry.innovation, *odometry.variance)
-
-
 def _xky0(gsf: GsfReport) -> Values:
     yaw, *yaws = (math.degrees(yaw) % 360 for yaw in (gsf.yaw, *gsf.yaws))
     return (yaw, math.sqrt(math.degrees(gsf.variance)), *yaws, *gsf.weights)
-
-
-def _xky1(gsf: GsfReport) -> Values:
-    return (*gsf.innovations_north, *gsf.innovations_east)
