@@ -75,7 +75,7 @@ def test_source_set_is_chosen(make_bench: Callable[..., Bench], number: int) -> 
 
 
 def test_alignment_is_asked_of_the_camera(make_bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = make_bench(VISO_TYPE=2)
+    bench = make_bench(boot=False, VISO_TYPE=2)
     asked = []
     monkeypatch.setattr(bench.vehicle.visual_odom, "request_align_yaw_to_ahrs", lambda: asked.append(True))
     assert ask(bench, do="action", name="align").ok
