@@ -20,7 +20,7 @@ import enum
 import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol, cast
+from typing import Any, Final, Protocol
 
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.se3 import Array
@@ -163,10 +163,6 @@ class NativeEngine(Protocol):
         """Forget all; start from a state at the next image, or find one without help."""
 
 
-class _NativeModule(Protocol):
-    def create(self, calibration: CameraCalibration, config: VioConfig) -> NativeEngine: ...
-
-
 def load_engine(module: str, calibration: CameraCalibration, config: VioConfig) -> NativeEngine:
     """Return a new engine of a native module.
 
@@ -174,12 +170,13 @@ def load_engine(module: str, calibration: CameraCalibration, config: VioConfig) 
         ImportError: if there is no such module ("native wiring absent"), or it cannot be imported or make an engine.
     """
     try:
-        native = cast(_NativeModule, importlib.import_module(module))
+        native: Any = importlib.import_module(module)
     except ModuleNotFoundError as error:
         if error.name != module:  # it is there, and lacks something itself
             raise
         raise ImportError(WIRING_ABSENT) from error
     try:
-        return native.create(calibration, config)
+        engine: NativeEngine = native.create(calibration, config)
     except (RuntimeError, ValueError) as error:
         raise ImportError(f"{module}: {error}") from error
+    return engine
