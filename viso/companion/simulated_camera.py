@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mav_handlers.wire.messages import ODOMETRY
-from viso.companion.faults.poses import Quat, inverse, product
+from viso.companion.faults.poses import Quat, inverse, product, quat_from_euler, yaw_quat
 from viso.companion.odometry.message import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
 from viso.companion.sender import OffsetClock
 from viso.companion.trials.scripted_flight import Flight, Vector
@@ -98,8 +98,8 @@ class SimulatedCamera:
         noise = [self._noise(s) for s in (self.position_noise_m, self.velocity_noise_m_s, self.angle_noise_rad)]
         if self.faults.dropout and time_s in self.faults.dropout:
             return None
-        turn = _about(2, self.frame_yaw_rad)
-        body_to_ned = _from_rpy(self.flight.attitude_rpy_rad(time_s) + noise[2])
+        turn = yaw_quat(self.frame_yaw_rad)
+        body_to_ned = quat_from_euler(*(self.flight.attitude_rpy_rad(time_s) + noise[2]).tolist())
         position = _rotated(turn, self.flight.position_ned(time_s)) + self._drift + noise[0]
         if self._has_reset(time_s):
             position = position + np.array(self.faults.reset_jump_m)
@@ -126,20 +126,6 @@ class SimulatedCamera:
             estimator_type=MAV_ESTIMATOR_TYPE_VIO,
             quality=self._quality(time_s),
         )
-
-
-def _about(axis: int, angle_rad: float) -> Quat:
-    """Return a turn about one of the axes x, y and z."""
-    half = 0.5 * abs(angle_rad)
-    parts = [math.cos(half), 0.0, 0.0, 0.0]
-    parts[1 + axis] = math.copysign(math.sin(half), angle_rad)
-    w, x, y, z = parts
-    return w, x, y, z
-
-
-def _from_rpy(rpy_rad: Vector) -> Quat:
-    roll, pitch, yaw = rpy_rad.tolist()
-    return product(product(_about(2, yaw), _about(1, pitch)), _about(0, roll))
 
 
 def _rotated(quat_wxyz: Quat, vector: Vector) -> Vector:
