@@ -6,7 +6,7 @@ import math
 
 from rich.table import Column, Table
 
-from viso.companion.faults import Entry, EntryTally, Tally
+from viso.companion.faults import Entry, Tally
 
 
 def when(entry: Entry) -> str:
@@ -46,18 +46,17 @@ def tally_as_dict(tally: Tally) -> dict[str, object]:
         "passed_on": tally.passed_on,
         "waiting": tally.waiting,
         "changed": tally.changed,
-        "entries": [_entry_as_dict(row) for row in tally.entries],
-    }
-
-
-def _entry_as_dict(row: EntryTally) -> dict[str, object]:
-    return {
-        "entry": row.number,
-        "kind": row.entry.kind,
-        "when": when(row.entry),
-        "met": row.met,
-        "done": row.done,
-        "lost": row.lost,
-        "added": row.added,
-        "passed_over": dict(row.passed_over),
+        "entries": [
+            {
+                "entry": row.number,
+                "kind": row.entry.kind,
+                "when": when(row.entry),
+                "met": row.met,
+                "done": row.done,
+                "lost": row.lost,
+                "added": row.added,
+                "passed_over": dict(row.passed_over),
+            }
+            for row in tally.entries
+        ],
     }
