@@ -190,7 +190,8 @@ BEGINNING = 400_000  # bytes, with all parameters
 def recorded_defaults(tmp_path_factory: pytest.TempPathFactory) -> dict[str, float]:
     """Return the defaults that a recorded log tells, in its order; NaN is none of ours."""
     path = tmp_path_factory.mktemp("log") / "flight.BIN"
-    path.write_bytes(lzma.decompress(LOG.read_bytes())[:BEGINNING])
+    with lzma.open(LOG) as packed:
+        path.write_bytes(packed.read(BEGINNING))
     defaults: dict[str, float] = {}
     with DFReader_binary(str(path)) as log:
         while (record := log.recv_match(type="PARM")) is not None:

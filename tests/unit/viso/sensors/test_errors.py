@@ -85,12 +85,14 @@ def test_angle_and_velocity_walk_as_the_noise_density_says(noisy: list[Sensors])
     assert np.abs(velocities.sum(0)).max() < FOUR_SIGMA * 0.02 * math.sqrt(time_s)
 
 
+@pytest.mark.slow
 def test_noise_of_axes_and_passes_is_independent(noisy: list[Sensors]) -> None:
     angles = np.array([one.delta.del_ang for one in noisy])
     correlations = np.corrcoef(np.column_stack([angles[:-1], angles[1:]]).T)
     assert np.abs(correlations - np.eye(6)).max() < (FOUR_SIGMA + 1) / math.sqrt(PASSES)
 
 
+@pytest.mark.slow
 def test_readings_of_barometer_and_compass_scatter(noisy: list[Sensors]) -> None:
     heights = np.array([one.baro[1] for one in noisy if one.baro])
     fields = np.array([one.mag[1] for one in noisy if one.mag])
