@@ -44,7 +44,6 @@ class Companion:
 
     Args:
         estimate: returns the estimate of a frame taken at a time in us, or None when there is none.
-        rate_hz: frames per second.
         latency_us: from taking a frame to sending its estimate.
         start_us: when the companion is up.
     """

@@ -82,12 +82,7 @@ class VioDemo:
         on_progress: Callable[[float], None] = lambda _time_s: None,
         stop: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Run to the end, or until told to stop, and close the log.
-
-        Args:
-            on_progress: told the time in seconds since boot, once a second.
-            stop: asked as often.
-        """
+        """Run to the end, or until told to stop, and close the log."""
         loop, companion = self.loop, self.loop.companion
         script = [
             (COMPANION_S, lambda: loop.command(RUN_PREARM_CHECKS)),

@@ -122,7 +122,6 @@ class LiveVio:
         """Work until the source ends, or for so long.
 
         Args:
-            stop: says whether to end before that.
             delay_s: how long to wait before the first frame.
             until_s: when to end with a camera, since the start; a recording ends by itself.
 

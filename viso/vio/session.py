@@ -32,7 +32,6 @@ class VioSession:
     """What to do with a source.
 
     Attributes:
-        stop: says whether to end before the end.
         until_s: where to end, in seconds since the first frame; None for the source's end.
     """
 

@@ -54,7 +54,6 @@ class EngineChild:
 
     Args:
         command: as in a shell, without its substitutions.
-        on_line: takes what it wants to be logged.
     """
 
     def __init__(self, command: str, on_line: OnLine) -> None:

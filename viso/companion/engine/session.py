@@ -49,9 +49,7 @@ class EngineSession:
     """An engine's program at work: it has said what it is, and was told what it works with.
 
     Args:
-        calibration: of the pictures that it will be given.
         config: the configuration; ``engine`` has the times, ``native`` the options.
-        on_line: takes what it wants to be logged.
 
     Attributes:
         keyframes_ns: stamps of the last keyframes by the identifiers of their images.

@@ -57,9 +57,6 @@ class FrontEnd:
     Args:
         calibration: of the working image.
         config: max_features, fb_threshold_px, ransac_threshold_px and whether the scene is known to be a plane.
-
-    Attributes:
-        planar: whether the scene is known to be a plane.
     """
 
     def __init__(self, calibration: CameraCalibration, config: VioConfig) -> None:
@@ -167,12 +164,7 @@ class Keyframe:
         self._sighting = sighting
 
     def is_outdated(self, t_ns: int, camera_rotation: Array, sighting: Sighting, focal_px: float) -> bool:
-        """Return whether a later frame, taken in motion, is to be the next keyframe.
-
-        Args:
-            t_ns, camera_rotation, sighting: of the later frame.
-            focal_px: of the working image.
-        """
+        """Return whether a later frame, taken in motion, is to be the next keyframe."""
         then, now = common_points(self._sighting, sighting)
         if len(then) < MIN_COMMON or t_ns - self.t_ns >= MAX_AGE_NS:
             return True

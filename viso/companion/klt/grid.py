@@ -28,7 +28,6 @@ class FeatureGrid:
 
     Args:
         width, height: of the working image.
-        max_features: in all.
     """
 
     def __init__(self, width: int, height: int, max_features: int) -> None:

@@ -66,7 +66,6 @@ def check(
         rotation: [3, 3] from the camera before to the camera after.
         focal_px: focal length of the working image.
         threshold_px: largest error of an inlier.
-        planar: whether the scene is known to be a plane.
     """
     if len(before) < _FEWEST:
         return Agreement(np.zeros(len(before), np.bool_), None, 0.0)

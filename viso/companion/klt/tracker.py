@@ -61,7 +61,6 @@ class KltTracker:
 
         Args:
             before, after: grey, of the same size.
-            pixels: the points before.
         """
         if len(pixels) == 0:
             return pixels, np.zeros(0, np.bool_)

@@ -95,11 +95,7 @@ class WindowEstimator:
         return used
 
     def hold(self, number: int, sighting: Sighting, depth_m: float) -> None:
-        """Hold points of a frame whose pose is the last in the window, as many as there is room for.
-
-        Args:
-            depth_m: as for :meth:`add_frame`.
-        """
+        """Hold points of a frame whose pose is the last in the window, as many as there is room for."""
         held = self._held
         if len(held.numbers) >= FEWEST_HELD:
             return

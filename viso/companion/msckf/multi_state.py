@@ -188,7 +188,6 @@ def parallax_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float:
 
     Args:
         clones: the poses that the points were seen from.
-        tracks: sightings from those.
     """
     rotations, _ = _cameras(clones, B_T_C, tracks)
     rays = directions_of(rotations, tracks)

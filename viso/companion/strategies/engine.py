@@ -55,10 +55,6 @@ _GRAVITY: Final = np.array([0.0, 0.0, -GRAVITY_MSS])
 class ProgramEngine:
     """A program as a native engine.
 
-    Args:
-        name: the strategy's, for the log.
-        calibration: of the pictures that it will be given.
-
     Attributes:
         counters: of restarts, answers that took longer than from image to image, and failures by their kinds.
         session: with the program; None while it is down.

@@ -50,9 +50,6 @@ class _Keyframe:
 class NativeFacade(StrategyBase):
     """A native engine as a strategy; a class for each engine gives the names.
 
-    Attributes:
-        module: the name of the native module.
-
     Raises:
         ImportError: if there is no engine.
     """

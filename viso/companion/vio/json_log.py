@@ -49,7 +49,6 @@ def log_event(
 
     Args:
         logger: whose handlers format with :class:`JsonFormatter`.
-        level: of the standard library.
         event: what happened, for machines.
         msg: what happened, for people.
         fields: anything else; their names must not be those of the standing keys.
