@@ -12,8 +12,9 @@ import pytest
 
 from tests.places import ROOT
 from tools.trial import Trial, disturbed_start, run_trial
+from viso.companion.odometry.composer import OdometryComposer
 from viso.companion.sources.euroc import EurocRecording, load_euroc
-from viso.companion.vio.config import AglSource, Scene, VioConfig
+from viso.companion.vio.config import AglSource, LocalAlignment, Scene, VioConfig
 from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import VioState
 from viso.companion.world.flight import SyntheticFlight
@@ -49,7 +50,6 @@ def fly_nadir_again(
     speed_m_s: float = 8.0,
     height_m: float = 40.0,
     height_scale: float = 1.0,
-    scale_sigma: float = 0.02,
     duration_s: float = 60.0,
 ) -> Trial:
     """Fly a survey, the camera looking down: 640x480 at 3.33 Hz, the height known to 0.3 m."""
@@ -60,11 +60,18 @@ def fly_nadir_again(
         height_scale=height_scale,
         duration_s=duration_s,
     )
-    config = dataclasses.replace(NADIR, agl_scale_sigma=scale_sigma, strategy=strategy)
+    config = dataclasses.replace(NADIR, strategy=strategy)
     return run_trial(flight, config, flight.warm_start(), truth=flight.truth)
 
 
 fly_nadir = functools.cache(fly_nadir_again)
+
+
+def composed(trial: Trial, scale_sigma: float) -> Trial:
+    """Return a trial whose poses are composed with another sigma of the scale."""
+    composer = OdometryComposer(LocalAlignment.NORTH, world_is_north=True, agl_scale_sigma=scale_sigma)
+    frames = (dataclasses.replace(frame, local=composer.compose_alone(frame.update.output)) for frame in trial.frames)
+    return Trial(tuple(frames))
 
 
 @functools.cache
