@@ -260,11 +260,13 @@ class Scenario:
 
     Attributes:
         name: of the files that come of it.
+        about: what happens, for people.
         parameters: to be set before, by name.
         if_there: parameters to be set if the autopilot has them.
         reboot: whether to reboot after that.
         needs_flight: whether it needs a simulated vehicle that flies and tells its truth (SIM_STATE).
         wait: what to wait for before the first step.
+        steps: what to do.
     """
 
     name: str
