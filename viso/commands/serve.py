@@ -33,7 +33,7 @@ from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.options.message_intervals import load_message_intervals
 from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
-from viso.options.settings import load_settings
+from viso.options.settings import load_settings, read_only_names
 from viso.parameters.releases import MAX_LINKS
 from viso.parameters.store import ParamStore
 from viso.ros2.graph import check_domain, require_cyclonedds
@@ -220,6 +220,7 @@ def serve(
         links=len(names),
         vicon=vicon,
         defaults=settings,
+        read_only=read_only_names(files),
         overrides=overrides,
         log_store=store,
         param_store=param_store,

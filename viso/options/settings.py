@@ -153,6 +153,12 @@ def load_settings(
     return values
 
 
+def read_only_names(files: Iterable[Path]) -> frozenset[str]:
+    """Return the names that defaults files mark with ``@READONLY``: no client may set them (AP_Param.cpp)."""
+    lines = (line for path in files for line in parse_parm(read_text(path), str(path)))
+    return frozenset(line.name for line in lines if line.read_only)
+
+
 def _no_such_choices(values: Mapping[str, float], table: ParamTable) -> Iterator[str]:
     """Yield a line for each parameter that chooses what nothing stands for."""
     for slot in (slot for group in table.groups for slot in group.slots if slot.name.startswith(_CHOICES)):

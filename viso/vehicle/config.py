@@ -3,7 +3,7 @@
 """What a vehicle is made of, and how to choose it."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from ap_core.param_cache import FromParams
@@ -60,6 +60,7 @@ class VehicleConfig:
         links: how many links it will have.
         vicon: whether the simulator's own camera sees it, on one link more; it takes a vehicle that flies.
         defaults: parameter values by name that count as its defaults, as from a defaults file.
+        read_only: names among ``defaults`` that clients may not set.
         overrides: parameter values by name that hold whatever defaults and stored values say.
         open_log: opens the next log; None for no logging, or for the next one of ``log_store``.
         log_store: the folder of logs, which clients may list, download and erase.
@@ -74,6 +75,7 @@ class VehicleConfig:
     links: int = 1
     vicon: bool = False
     defaults: Mapping[str, float] = field(default_factory=dict)
+    read_only: Collection[str] = ()
     overrides: Mapping[str, float] = field(default_factory=dict)
     open_log: Callable[[], LogSink] | None = None
     log_store: LogStore | None = None

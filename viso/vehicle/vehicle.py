@@ -121,7 +121,8 @@ class Vehicle:
         self.params = ParamTable(make_groups(links, visual_odom_params, config.firmware.params))
         renames = config.firmware.params.renames
         defaults = carry_over(config.defaults, self.params, renames)
-        self.unknown_defaults = (*defaults.lost, *self.params.apply_defaults(defaults.values, "defaults"))
+        unknown = self.params.apply_defaults(defaults.values, "defaults", read_only=config.read_only)
+        self.unknown_defaults = (*defaults.lost, *unknown)
         config.param_store.restore(self.params, renames)
         self.params.set_from_mavlink("STAT_BOOTCNT", i16(self.params.get_int("STAT_BOOTCNT") + 1))  # AP_Stats::init
         for name, value in config.overrides.items():

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from mav_handlers.signing.state import SigningKey
-from mav_handlers.wire.messages import HEARTBEAT, SETUP_SIGNING
+from mav_handlers.wire.messages import HEARTBEAT, PARAM_SET, SETUP_SIGNING
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from viso import cli
@@ -37,6 +37,14 @@ def test_parameters_of_the_user_win_over_the_preset(serve: Viso, tmp_path: Path)
     args = ["--preset", "voxl", "--defaults", "mine.parm", "--param", "VISO_QUAL_MIN=91", "--json"]
     (row,) = json.loads(serve(*args, sent=(odometry(0, quality=92),)).out)["verdicts"]
     assert row["rule"] == "consumed"
+
+
+@pytest.mark.parametrize(("mark", "rule"), [("@READONLY", "quality_below_min"), ("", "consumed")])
+def test_client_cannot_set_what_a_defaults_file_marks(serve: Viso, tmp_path: Path, mark: str, rule: str) -> None:
+    (tmp_path / "mine.parm").write_text(f"VISO_TYPE 1\nVISO_QUAL_MIN 95 {mark}\n")
+    sent = (PARAM_SET(1, 1, "VISO_QUAL_MIN", 10.0, 9), odometry(0, quality=92))
+    rows = json.loads(serve("--defaults", "mine.parm", "--json", sent=sent).out)["verdicts"]
+    assert [row["rule"] for row in rows if row["message"] == "ODOMETRY"] == [rule]
 
 
 def test_unknown_preset_is_one_line_that_lists_them(serve: Viso) -> None:
