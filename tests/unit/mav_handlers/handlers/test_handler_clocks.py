@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from mav_handlers.verdicts import HANDLED
-from mav_handlers.wire.messages import SYSTEM_TIME, TIMESYNC
+from mav_handlers.wire.messages import SETUP_SIGNING, SYSTEM_TIME, TIMESYNC
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, Client, MakeBench
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 FROM_SYSTEM_TIME = 2
 YEAR_2026_US = 1_767_225_600_000_000
 YEAR_2022_US = 1_640_995_200_000_000
+YEAR_2015_US = 1_420_070_400_000_000
+YEAR_2022_STAMP, YEAR_2026_STAMP = ((time_us - YEAR_2015_US) // 10 for time_us in (YEAR_2022_US, YEAR_2026_US))
 
 
 def requests(client: "Client") -> list[int]:
@@ -118,6 +120,18 @@ class TestSystemTime:
         bench.client.tell(SYSTEM_TIME(YEAR_2026_US, 0))
         bench.run_ms(10)
         assert utc_us(bench) == YEAR_2026_US + 10_000
+
+    def test_it_moves_the_stamps_of_signatures_on_once_it_is_known(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(BRD_RTC_TYPES=FROM_SYSTEM_TIME)
+        bench.client.tell(SETUP_SIGNING(1, 1, bytes(range(32)), 0))
+        signing = bench.client.channel.codec.signing
+        assert signing is not None
+        bench.client.tell(SYSTEM_TIME(YEAR_2022_US - 1, 0))
+        assert signing.timestamp < YEAR_2022_STAMP
+        bench.client.tell(SYSTEM_TIME(YEAR_2022_US + 1_000_000, 0))
+        assert YEAR_2022_STAMP < (known := signing.timestamp) < YEAR_2026_STAMP
+        bench.client.tell(SYSTEM_TIME(YEAR_2026_US, 0))
+        assert known <= signing.timestamp < YEAR_2026_STAMP
 
     @pytest.mark.parametrize(("time_us", "taken"), [(YEAR_2022_US - 1, False), (YEAR_2022_US, True)])
     def test_time_before_2022_is_ignored(self, make_bench: "MakeBench", time_us: int, taken: bool) -> None:

@@ -94,7 +94,7 @@ def test_home_in_degrees_comes_with_advice_once(home: "Bench") -> None:
         [reply] = answers(home, MISSION_REQUEST(1, 1, 0))
         assert isinstance(reply, MISSION_ITEM)
         assert (reply.x, reply.y, reply.z) == pytest.approx((-35.363261, 149.16523, 584.12))
-        assert (reply.target_system, reply.command, reply.frame, reply.autocontinue) == (255, 16, 0, 1)
+        assert reply == MISSION_ITEM(*ME, 0, 0, 16, 0, 1, *ZEROS, reply.x, reply.y, reply.z)
         assert later(home) == texts
 
 
