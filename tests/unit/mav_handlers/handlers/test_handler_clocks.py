@@ -123,7 +123,7 @@ class TestSystemTime:
 
     def test_it_moves_the_stamps_of_signatures_on_once_it_is_known(self, make_bench: "MakeBench") -> None:
         bench = make_bench(BRD_RTC_TYPES=FROM_SYSTEM_TIME)
-        bench.client.tell(SETUP_SIGNING(1, 1, bytes(range(32)), 0))
+        bench.client.tell(SETUP_SIGNING(1, 1, tuple(range(32)), 0))
         signing = bench.client.channel.codec.signing
         assert signing is not None
         bench.client.tell(SYSTEM_TIME(YEAR_2022_US - 1, 0))
