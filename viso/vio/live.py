@@ -140,6 +140,10 @@ class LiveVio:
             while self._feed is not None and not stop() and not self._runtime.wait(0.0) and self._now_ns() < last_ns:
                 self._step()
 
+    def close(self) -> None:
+        """End an odometry that has not run: a strategy may have a program of its own."""
+        self._runtime.stop()
+
     def sent(self) -> dict[str, int]:
         """Return how many messages of which kind were sent."""
         counters = {} if self._sender is None else self._sender.counters

@@ -90,6 +90,7 @@ class VioSession:
             stack.enter_context(told_errors(SourceError))
             vio = LiveVio(self._source(), self.config, self.log, self.logger, link, alignment=alignment, on_text=take)
             if link is not None and wait_s and not vio.wait_for_vehicle(wait_s, self.stop) and not self.stop():
+                vio.close()
                 why = f": {link.stats.unreached}" if link.stats.unreached else ""
                 told = f"no vehicle heard within {wait_s:g} s{why} (--wait 0 sends unheard)"
                 raise InputError(f"--master {master}: {told}")

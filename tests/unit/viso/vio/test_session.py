@@ -17,6 +17,7 @@ from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
 from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
 from viso.companion.sources.base import Recording, SourceError, SourceOptions
 from viso.companion.sources.recordings import open_video
+from viso.companion.strategies.klt_ransac import KltRansac
 from viso.companion.vio.types import SensorEvent
 from viso.errors import InputError
 from viso.vio import session as vio_session
@@ -110,9 +111,14 @@ def test_what_was_sent_and_said_is_told(vehicle: PairLink, film: Recording) -> N
     assert told["sent"]["HEARTBEAT"] == 1
 
 
-def test_vehicle_that_is_not_heard_is_told(vehicle: PairLink, film: Recording) -> None:
+def test_vehicle_that_is_not_heard_is_told_and_the_strategy_closed(
+    vehicle: PairLink, film: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed: list[KltRansac] = []
+    monkeypatch.setattr(KltRansac, "close", lambda strategy: closed.append(strategy))
     with pytest.raises(InputError, match=r"--master pair: no vehicle heard within 0\.01 s \(--wait 0 sends unheard\)"):
         live(session(film), [], wait_s=0.01)
+    assert len(closed) == 1
 
 
 def test_server_that_refuses_is_named_as_that(film: Recording) -> None:
