@@ -20,7 +20,7 @@ import grimp
 from tools.project_files import ROOT, project_files
 
 MOST_MODULES: Final = 30
-MOST_LINES: Final = 99_000
+MOST_LINES: Final = 94_000
 # The firmware's own circle: a backend knows its frontend, which makes it.
 FRONTEND: Final = "ap_visualodom.ap_visualodom"
 
