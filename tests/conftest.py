@@ -30,7 +30,7 @@ from viso.vehicle.kernels import KERNEL_VARIABLE, PLAIN
 
 # A busy machine is no fault of the code; and where nobody looks on, every run is to be the same.
 WHOLE = settings(deadline=None, derandomize=os.environ.get("CI") == "true")
-settings.register_profile("whole", WHOLE)
+settings.register_profile("whole", WHOLE, max_examples=50)
 settings.register_profile("usual", WHOLE, max_examples=10)
 
 WORTH_TELLING_S = 0.005

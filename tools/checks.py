@@ -82,9 +82,9 @@ def _tests(run: Run) -> list[Command]:
     # Measuring makes tests take five times as long, so only the packages' own tests are measured, and only on them.
     packages = [f"--cov={package}" for package in LEAST_COVERAGE]
     covered = _pytest(run, "covered", *packages, "--cov-branch", "--cov-report=", *COVERING_TESTS)
-    # One run for all others, of more workers than cores: some wait for real clients, and others compute meanwhile.
+    # One run for all others, of twice as many workers as cores: half of them wait for real clients and for the clock.
     others = [f"--ignore={path}" for path in COVERING_TESTS]
-    return [covered, _pytest(run, "others", "-n", "3", "--durations=30", *others)]
+    return [covered, _pytest(run, "others", "-n", "4", "--durations=30", *others)]
 
 
 def _coverage(run: Run) -> list[Command]:

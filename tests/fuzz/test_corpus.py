@@ -60,7 +60,7 @@ def mutated(data: bytes, source: random.Random) -> bytes:
 @pytest.mark.parametrize(
     ("name", "target", "rounds"),
     [
-        ("endpoint", endpoint_target.run, 1000),
+        ("endpoint", endpoint_target.run, 500),
         ("files", file_target.run, 2500),
     ],
 )

@@ -7,7 +7,7 @@ or where the filter navigates already: by external navigation, by GPS, by odomet
 compass. What must hold after each frame is in ``CoreRig.check``; nothing raises, and no arithmetic warns.
 
 Tried with 5 examples of 25 steps each, always the same ones, and 2 with two cores that must agree to the bit; the
-slow tests take 120 and 24.
+slow tests take 80 and 24.
 """
 
 import copy
@@ -496,12 +496,12 @@ def steps(examples: int) -> settings:
 
 @pytest.mark.slow
 def test_whatever_comes_the_filter_keeps_its_head() -> None:
-    run_state_machine_as_test(CoreMachine, settings=steps(60))
+    run_state_machine_as_test(CoreMachine, settings=steps(40))
 
 
 @pytest.mark.slow
 def test_whatever_comes_the_compiled_filter_keeps_its_head() -> None:
-    run_state_machine_as_test(CompiledMachine, settings=steps(60))
+    run_state_machine_as_test(CompiledMachine, settings=steps(40))
 
 
 def test_compass_that_comes_is_used_from_that_frame_on() -> None:

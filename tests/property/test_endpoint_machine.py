@@ -559,4 +559,4 @@ def test_whatever_comes_the_endpoint_keeps_its_promises() -> None:
 
 @pytest.mark.slow
 def test_whatever_comes_the_endpoint_keeps_its_promises_for_longer() -> None:
-    run_state_machine_as_test(EndpointMachine, settings=steps(60))
+    run_state_machine_as_test(EndpointMachine, settings=steps(40))

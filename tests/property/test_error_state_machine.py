@@ -215,7 +215,7 @@ def test_filter_stands_whatever_it_is_given(machine: type[FilterMachine]) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("machine", [FilterMachine, CompiledMachine])
 def test_filter_stands_whatever_it_is_given_for_longer(machine: type[FilterMachine]) -> None:
-    run_state_machine_as_test(machine, settings=settings(max_examples=75, stateful_step_count=60, deadline=None))
+    run_state_machine_as_test(machine, settings=settings(max_examples=50, stateful_step_count=60, deadline=None))
 
 
 # Long runs

@@ -187,5 +187,5 @@ def test_same_comes_of_passes_in_one_and_of_each_by_itself(
     monkeypatch.setenv(KERNEL_VARIABLE, kernel)
     for seed in (0, 1, 5) if kernel == NUMBA else (0, 1):
         check_twins(
-            kind, seed, 12, GPS1_TYPE=14.0 * (seed % 2), FLOW_TYPE=5.0 * (seed == 5), COMPASS_USE=float(seed % 3)
+            kind, seed, 9, GPS1_TYPE=14.0 * (seed % 2), FLOW_TYPE=5.0 * (seed == 5), COMPASS_USE=float(seed % 3)
         )
