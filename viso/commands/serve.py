@@ -33,7 +33,7 @@ from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.options.message_intervals import load_message_intervals
 from viso.options.outputs import Output
 from viso.options.presets import PRESET_HELP, preset_files
-from viso.options.settings import load_settings, read_only_names
+from viso.options.settings import load_settings
 from viso.parameters.releases import MAX_LINKS
 from viso.parameters.store import ParamStore
 from viso.ros2.graph import check_domain, require_cyclonedds
@@ -205,7 +205,10 @@ def serve(
     profile = firmware_of(firmware)
     files = [*preset_files(preset), *(defaults or [])]
     vicon = wants_vicon(vision, imu, "--vision")
-    settings = load_settings(files, [], links=len(names) + vicon, allow_unknown=allow_unknown, firmware=profile)
+    read_only: set[str] = set()
+    settings = load_settings(
+        files, [], links=len(names) + vicon, allow_unknown=allow_unknown, firmware=profile, read_only=read_only
+    )
     overrides = load_settings([], param or [], links=len(names) + vicon, firmware=profile)
     with file_errors(f"--log-dir {log_dir}"):
         log_dir.mkdir(parents=True, exist_ok=True)
@@ -220,7 +223,7 @@ def serve(
         links=len(names),
         vicon=vicon,
         defaults=settings,
-        read_only=read_only_names(files),
+        read_only=read_only,
         overrides=overrides,
         log_store=store,
         param_store=param_store,

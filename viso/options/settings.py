@@ -42,7 +42,12 @@ def _hint(name: str, table: ParamTable) -> str:
 
 
 def load_parm_file(
-    path: Path, table: ParamTable, *, allow_unknown: bool, renames: Renames = NO_RENAMES
+    path: Path,
+    table: ParamTable,
+    *,
+    allow_unknown: bool,
+    renames: Renames = NO_RENAMES,
+    read_only: set[str] | None = None,
 ) -> dict[str, float]:
     """Return the values of a .parm file by name; those of an earlier release are converted, and that is logged.
 
@@ -52,12 +57,15 @@ def load_parm_file(
     line. In a file of less than 200 parameters, which somebody wrote, such a name is a slip if it begins as those of
     external navigation or of the EKF do, or if another release has it.
 
-    ``renames`` are what the firmware calls otherwise than earlier ones. Raises InputError naming file, line and text,
-    for a bad line or, unless unknown names are allowed, a slip.
+    ``renames`` are what the firmware calls otherwise than earlier ones. ``read_only`` takes the names that the file
+    marks with ``@READONLY``: no client may set them (AP_Param.cpp). Raises InputError naming file, line and text, for a
+    bad line or, unless unknown names are allowed, a slip.
     """
     text = read_text(path)
     with told_errors(ParmFileError):
         lines = parse_parm(text, str(path))
+    if read_only is not None:
+        read_only.update(line.name for line in lines if line.read_only)
     values, foreign = {}, list[str]()
     for line in lines:
         if table.find(line.name) is not None or line.name in renames or may_ask(line.name):
@@ -138,25 +146,21 @@ def load_settings(
     links: int,
     allow_unknown: bool = False,
     firmware: Firmware = REFERENCE,
+    read_only: set[str] | None = None,
 ) -> Mapping[str, float]:
     """Return parameter values from defaults files, then from assignments, which win.
 
-    Raises InputError for anything that cannot be used.
+    ``read_only`` takes the names that files mark so. Raises InputError for anything that cannot be used.
     """
     table = known_parameters(links, firmware)
     values: dict[str, float] = {}
     for path in files:
-        values.update(load_parm_file(path, table, allow_unknown=allow_unknown, renames=firmware.params.renames))
+        renames = firmware.params.renames
+        values |= load_parm_file(path, table, allow_unknown=allow_unknown, renames=renames, read_only=read_only)
     values.update(parse_assignment(text, table) for text in assignments)
     for line in _no_such_choices(values, table):
         _log.warning(line)
     return values
-
-
-def read_only_names(files: Iterable[Path]) -> frozenset[str]:
-    """Return the names that defaults files mark with ``@READONLY``: no client may set them (AP_Param.cpp)."""
-    lines = (line for path in files for line in parse_parm(read_text(path), str(path)))
-    return frozenset(line.name for line in lines if line.read_only)
 
 
 def _no_such_choices(values: Mapping[str, float], table: ParamTable) -> Iterator[str]:
