@@ -130,7 +130,7 @@ class VehicleLoop(ABC):
             stop: asked as often.
         """
         try:
-            for time_s, act in (*script, (end_s, lambda: None)):
+            for time_s, act in (*(entry for entry in script if entry[0] < end_s), (end_s, lambda: None)):
                 for second in range(-(-self.now_us // 1_000_000), int(time_s) + 1):
                     self.run_until(second * 1_000_000)
                     on_progress(second)
