@@ -10,16 +10,18 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import functools
 import hashlib
 import json
 import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 MINIMUM_PYTHON = (3, 11)
@@ -27,6 +29,8 @@ NEWER_PYTHONS = ("python3.13", "python3.12", "python3.11")
 LOCKS = {"run": "requirements/run.lock", "dev": "requirements/dev.lock"}
 FORMER_NAME = "viso"
 STAMP_NAME = "viso-setup.json"
+COMPILE_PROGRAM = "tools/compile_native.py"
+COMPILERS = ("cc", "gcc", "clang")
 SHOWN_LINES = 6
 
 
@@ -55,7 +59,9 @@ def launch(profile: str, command: Sequence[str], root: Path = ROOT) -> int:
     """
     try:
         require_python()
-        program = str(ensure_environment(root, profile) / "bin" / command[0])
+        venv = ensure_environment(root, profile)
+        ensure_compiled(root, venv)
+        program = str(venv / "bin" / command[0])
         sys.stdout.flush()
         os.execv(program, [program, *command[1:]])
     except (SetupError, OSError) as error:
@@ -98,13 +104,22 @@ def ensure_environment(root: Path, profile: str) -> Path:
 
 def digest(root: Path, profile: str) -> str:
     """Hash all that decides what gets installed: the lock, pyproject's packaging tables and the place."""
-    import tomllib  # here because Python 3.10 and older must get through the imports above
-
-    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    project = _project(root)
     tables = [project.get(name) for name in ("build-system", "project", "dependency-groups")]
     tables.append(project.get("tool", {}).get("hatch"))
     packaging = json.dumps([tables, str(root)], sort_keys=True).encode()
     return hashlib.sha256(packaging + (root / LOCKS[profile]).read_bytes()).hexdigest()
+
+
+def _project(root: Path) -> dict[str, Any]:
+    return _parsed((root / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+@functools.lru_cache(maxsize=1)
+def _parsed(text: str) -> dict[str, Any]:
+    import tomllib  # here because Python 3.10 and older must get through the imports above
+
+    return tomllib.loads(text)
 
 
 def read_stamp(venv: Path) -> Stamp | None:
@@ -185,6 +200,72 @@ def _has_former_name(venv: Path) -> bool:
     # An editable one is ours; the package index has another project of that name.
     records = venv.glob(f"lib/python*/site-packages/{FORMER_NAME}-*.dist-info/direct_url.json")
     return any('"editable": true' in record.read_text(encoding="utf-8") for record in records)
+
+
+def ensure_compiled(root: Path, venv: Path) -> None:
+    """Compile what a wheel would hold compiled, unless that was done or tried before, or VISO_PURE forbids it.
+
+    Without a compiler, or when compiling fails, one line says why, and the program goes on interpreted.
+    """
+    package = _compiled_package(root)
+    if package is None or os.environ.get("VISO_PURE", "0") not in {"", "0"}:
+        return
+    tried = root / package / "_compiled" / "tried"
+    if _is_tried(tried, root, package, venv):
+        return
+    with only_one(root):
+        if not _is_tried(tried, root, package, venv):  # another process may have done it meanwhile
+            wanted = compile_digest(root, package, venv)
+            is_done = _compile(root, package, venv)
+            tried.write_text(wanted if is_done else wanted + _compilers(), encoding="utf-8")
+
+
+def _compiled_package(root: Path) -> str | None:
+    """Return the folder that the project's wheel holds compiled, as its hook is told."""
+    wheel = _project(root).get("tool", {}).get("hatch", {}).get("build", {}).get("targets", {}).get("wheel", {})
+    package = wheel.get("hooks", {}).get("custom", {}).get("package")
+    return None if package is None else str(package)
+
+
+def _is_tried(tried: Path, root: Path, package: str, venv: Path) -> bool:
+    """Return whether what is there has been compiled, or could not be by the compilers that there still are."""
+    try:
+        before = tried.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return False
+    wanted = compile_digest(root, package, venv)
+    return before in {wanted, wanted + _compilers()}
+
+
+def _compile(root: Path, package: str, venv: Path) -> bool:
+    """Compile, say so in a line, and return whether it went well."""
+    sys.stderr.write("viso: compiling the filter, once, takes about a minute ... ")
+    sys.stderr.flush()
+    started = time.monotonic()
+    program = [str(venv / "bin" / "python"), "-P", str(root / COMPILE_PROGRAM)]
+    try:
+        run([*program, str(root), package, package], "compiling")
+    except SetupError as error:
+        reason = str(error).splitlines()[-1].strip()
+        sys.stderr.write(f"not done, going on interpreted: {reason}\n")
+        return False
+    sys.stderr.write(f"done in {time.monotonic() - started:.0f} s\n")
+    return True
+
+
+def compile_digest(root: Path, package: str, venv: Path) -> str:
+    """Hash all that decides what comes out: the sources, and what compiles them."""
+    sources = [*sorted((root / package).glob("*.py")), root / "ap_core" / "native.py", root / COMPILE_PROGRAM]
+    installed = [path.name for path in venv.glob("lib/*/site-packages/mypy-*")]
+    tools = json.dumps([os.path.realpath(venv / "bin" / "python"), *installed]).encode()
+    return hashlib.sha256(b"\0".join([tools, *(path.read_bytes() for path in sources)])).hexdigest()
+
+
+def _compilers() -> str:
+    """Return what decides whether compiling works at all: compilers on PATH, and the header files of Python."""
+    found = [os.path.realpath(path) for path in map(shutil.which, COMPILERS) if path is not None]
+    header = Path(sysconfig.get_path("include")) / "Python.h"
+    return json.dumps([os.environ.get("CC"), header.exists(), *((path, os.stat(path).st_mtime_ns) for path in found)])
 
 
 def run(command: Sequence[str], what: str, *, environment: Mapping[str, str] | None = None) -> None:

@@ -17,6 +17,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from ap_core.native import PURE_VARIABLE
+from ekf_stub.core import IS_COMPILED
+
 ROOT = Path(__file__).resolve().parent.parent
 Command = list[str]
 
@@ -87,6 +90,12 @@ def _tests(run: Run) -> list[Command]:
     return [covered, _pytest(run, "others", "-n", "4", "--durations=30", *others)]
 
 
+def _pure(run: Run) -> list[Command]:
+    # All other tests take the compiled filter; what the recordings say must be true of its source as well.
+    tests = _pytest(run, "pure", "-m", "not slow and not interop", "tests/parity")
+    return [["env", f"{PURE_VARIABLE}=1", *tests]] if run.everything and IS_COMPILED else []
+
+
 def _coverage(run: Run) -> list[Command]:
     least = LEAST_COVERAGE if run.everything else {}
     return [
@@ -100,18 +109,19 @@ STEPS = (
     Step("lint", "ruff check: style, SPDX lines, banned names", _fixed(_program("ruff", "check", "."))),
     Step("types", "mypy, strict", _fixed(_module("mypy"))),
     Step("layers", "who may import whom, and which modules", _fixed(_program("lint-imports", "--no-logo"))),
-    Step("house", "folders, circles of imports, lines", _fixed(_module("tools.house"))),
+    Step("house", "circles of imports, gaps in the plans of rooms", _fixed(_module("tools.house"))),
     Step("traces", "registry hosts and machine paths", _fixed(_module("tools.check_traces"))),
     Step("prose", "plain English in pages and docstrings", _fixed(_module("tools.prose"))),
     Step("docs", "the generated tables and pictures are current", _docs),
     Step("clients", "the environment of the interop tests", _clients),
     Step("tests", "pytest, with everything also branch coverage", _tests),
+    Step("pure", "the parity tests with the interpreted filter", _pure),
     Step("coverage", "thresholds for each package", _coverage),
 )
 
 
 # The tests, what they need and what is made of them: one after the other, while the others run beside.
-TESTING = {"clients", "tests", "coverage"}
+TESTING = {"clients", "tests", "pure", "coverage"}
 
 
 def _environment() -> dict[str, str]:

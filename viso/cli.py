@@ -116,9 +116,10 @@ def _command(name: str) -> Any:
 
 def _tell_version(asked: bool) -> None:
     if asked:
+        from ekf_stub.core import IS_COMPILED
         from viso.extras import installed_version
 
-        print(f"viso {installed_version()}")
+        print(f"viso {installed_version()} (filter: {'compiled' if IS_COMPILED else 'interpreted'})")
         raise typer.Exit
 
 

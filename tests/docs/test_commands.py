@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from ap_core.native import COMPILED
 from tests.interop.programs import Program, running
 from tests.places import ROOT
 from tools import bootstrap
@@ -44,6 +45,7 @@ UNTIL_CTRL_C = {
 COMPLAINTS = ("Traceback", "install it with", "pip install")
 # A command takes seconds; a busy machine may take its time.
 COMMAND_S = 300.0
+COMPILED_PACKAGE = "ekf_stub/core"
 
 
 def commands_of(page: Path) -> list[str]:
@@ -80,13 +82,18 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
             if first.startswith(b"#!") and b"python" in first:
                 copy.write_bytes(b"#!%s\n%s" % (bytes(venv / "bin" / "python"), rest))
     bootstrap.write_stamp(venv, bootstrap.Stamp("dev", bootstrap.digest(folder, "dev"), True))
+    compiled = Path(COMPILED_PACKAGE) / COMPILED
+    if (ROOT / compiled).is_dir():  # to compile it again takes minutes while other tests run
+        shutil.copytree(ROOT / compiled, folder / compiled)
+        digest = bootstrap.compile_digest(folder, COMPILED_PACKAGE, venv)
+        (folder / compiled / "tried").write_text(digest, encoding="utf-8")
     return folder
 
 
 @pytest.fixture
 def shell(clone: Path, tmp_path: Path) -> list[str]:
     """Return how somebody who has just cloned it runs a command; what earlier pages have written is gone."""
-    kept = ["--exclude=.venv", "--exclude=__pycache__"]
+    kept = ["--exclude=.venv", "--exclude=__pycache__", "--exclude=_compiled"]
     subprocess.run(["git", "clean", "-dffqx", *kept], cwd=clone, check=True)
     path = f"{clone / '.venv' / 'bin'}:/usr/local/bin:/usr/bin:/bin"
     return ["env", "-i", f"PATH={path}", f"HOME={tmp_path}", "LANG=C.UTF-8", "PYTHONUNBUFFERED=1", "bash", "-c"]

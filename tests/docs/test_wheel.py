@@ -3,6 +3,7 @@
 """What pip install brings: our packages and nothing else of ours, not too much of others', and a program that works."""
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -11,6 +12,7 @@ from typing import Final
 
 import pytest
 
+from ap_core.native import PURE_VARIABLE
 from tests.places import DATA, ROOT
 
 OURS: Final = {"viso", "ap_core", "ap_visualodom", "ekf_stub", "mav_handlers"}
@@ -24,22 +26,34 @@ def test_of_its_own(extnav_autopilot):
 """
 
 
-def run(*command: str | Path, cwd: Path) -> str:
+def run(*command: str | Path, cwd: Path, **variables: str) -> str:
     """Return the output of a command that knows nothing of this checkout and of its environment."""
-    environment: Mapping[str, str] = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    hidden = {"PYTHONPATH", PURE_VARIABLE}
+    environment: Mapping[str, str] = {name: value for name, value in os.environ.items() if name not in hidden}
+    environment = {**environment, **variables}
     done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
+def make_wheel(folder: Path, **variables: str) -> Path:
+    pip = [sys.executable, "-P", "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index"]
+    run(*pip, "--wheel-dir", folder, ROOT, cwd=folder, **variables)
+    (wheel,) = folder.glob("ardupilot_viso-*.whl")
+    return wheel
+
+
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the wheel that this machine makes."""
+    return make_wheel(tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Path:
     """Return the programs of an environment into which the wheel, with no extra, has been installed."""
     folder = tmp_path_factory.mktemp("install")
-    pip = [sys.executable, "-P", "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index"]
-    run(*pip, "--wheel-dir", folder, ROOT, cwd=folder)
     run(sys.executable, "-m", "venv", folder / "venv", cwd=folder)
-    (wheel,) = folder.glob("ardupilot_viso-*.whl")
     run(folder / "venv/bin/pip", "install", "--quiet", wheel, cwd=folder)
     return folder / "venv" / "bin"
 
@@ -68,6 +82,22 @@ def test_only_our_packages_come_with_it(installed: Path) -> None:
     (record,) = site.glob("ardupilot_viso-*.dist-info/RECORD")
     names = {line.partition("/")[0] for line in record.read_text().splitlines()}
     assert {name for name in names if name != ".." and not name.endswith(".dist-info")} == OURS
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+def test_wheel_of_a_machine_with_a_compiler_is_for_such_machines_and_runs_compiled(
+    wheel: Path, installed: Path, tmp_path: Path
+) -> None:
+    assert "-none-any" not in wheel.name
+    assert "(filter: compiled)" in run(installed / "viso", "--version", cwd=tmp_path)
+    assert "(filter: interpreted)" in run(installed / "viso", "--version", cwd=tmp_path, **{PURE_VARIABLE: "1"})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variables", [{PURE_VARIABLE: "1"}, {"CC": "no-such-compiler"}])
+def test_wheel_without_a_compiler_is_for_all_machines(tmp_path: Path, variables: dict[str, str]) -> None:
+    assert make_wheel(tmp_path, **variables).name.endswith("-py3-none-any.whl")
 
 
 @pytest.mark.slow

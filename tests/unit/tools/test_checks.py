@@ -63,6 +63,25 @@ def test_coverage_is_measured_on_the_packages_with_a_threshold() -> None:
     ]
 
 
+def _pure_commands(everything: bool) -> list[list[str]]:
+    return next(step for step in checks.STEPS if step.name == "pure").commands(_run(everything))
+
+
+def test_parity_tests_run_with_the_interpreted_filter_too_when_everything_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(checks, "IS_COMPILED", True)
+    (command,) = _pure_commands(everything=True)
+    assert command[:2] == ["env", "VISO_PURE=1"]
+    assert "tests/parity" in command
+    assert _pure_commands(everything=False) == []
+
+
+def test_nothing_runs_twice_where_the_filter_is_not_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks, "IS_COMPILED", False)
+    assert _pure_commands(everything=True) == []
+
+
 def test_every_test_runs_once_when_everything_is_asked_for() -> None:
     covered, others = _pytest_commands(everything=True)
     paths = [option for option in covered if option.startswith("tests/")]

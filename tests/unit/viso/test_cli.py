@@ -87,14 +87,18 @@ def test_help_of_a_command_works_and_holds_an_example(viso: Viso, name: str, fla
     assert f"viso {name}" in outcome.out.partition("Example: ")[2]
 
 
-def test_version_is_that_of_the_distribution(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("is_compiled", "runs"), [(True, "compiled"), (False, "interpreted")])
+def test_version_is_that_of_the_distribution_and_says_how_the_filter_runs(
+    viso: Viso, monkeypatch: pytest.MonkeyPatch, is_compiled: bool, runs: str
+) -> None:
     monkeypatch.setattr(importlib.metadata, "version", {"ardupilot-viso": "1.2.3"}.__getitem__)
-    assert viso("--version") == Outcome(0, "viso 1.2.3\n", "")
+    monkeypatch.setattr("ekf_stub.core.IS_COMPILED", is_compiled)
+    assert viso("--version") == Outcome(0, f"viso 1.2.3 (filter: {runs})\n", "")
 
 
 def test_version_of_a_checkout_that_is_not_installed_is_unknown(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viso.extras.DISTRIBUTION", "no-such-distribution")
-    assert viso("--version") == Outcome(0, "viso unknown\n", "")
+    assert viso("--version").out.startswith("viso unknown (filter: ")
 
 
 def test_help_lists_the_commands(viso: Viso) -> None:
