@@ -16,7 +16,7 @@ from ap_core.param import ParamEcho, ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom
-from ekf_stub.inputs.flow_ingest import FlowMeasurement
+from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.reports.filter_status import FilterStatus
 from mav_handlers.channel import Channel

@@ -26,7 +26,7 @@ from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavVel, SettableAhrs
-from viso.vehicle.kernels import KERNEL_VARIABLE, PLAIN
+from ekf_stub.core import IS_COMPILED
 
 # A busy machine is no fault of the code; and where nobody looks on, every run is to be the same.
 WHOLE = settings(deadline=None, derandomize=os.environ.get("CI") == "true")
@@ -44,11 +44,15 @@ def pytest_configure(config: pytest.Config) -> None:
     garbage collector comes less often: collecting twelve thousand tests makes nothing that it could free. What is
     logged is not printed.
     """
-    os.environ.setdefault(KERNEL_VARIABLE, PLAIN)  # the filter as it is defined, for all that does not say otherwise
     settings.load_profile("usual" if "not slow" in config.option.markexpr else "whole")
     threadpoolctl.threadpool_limits(limits=1, user_api="blas")
     logging.getLogger().addHandler(logging.NullHandler())
     gc.set_threshold(100_000, 50, 100)
+
+
+def pytest_report_header() -> str:
+    """Say what the tests of the filter are about: a source that was edited since it was compiled runs interpreted."""
+    return f"filter: {'compiled' if IS_COMPILED else 'interpreted'}"
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

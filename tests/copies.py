@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Copies of something as large as a vehicle in the middle of its run, for a tenth of what it takes to get there."""
 
+import ctypes
+import gc
 import io
 import pickle
 import sys
@@ -12,12 +14,21 @@ from struct import Struct
 from types import CellType, CodeType, FunctionType
 from typing import Any, Final, Generic, TypeVar, cast
 
+from librt.vecs import vec
+
 from ap_core.param_info import ParamInfo
+
+_HEAD: Final = object.__basicsize__
+_allocate: Final = ctypes.pythonapi.PyType_GenericAlloc
+_allocate.argtypes, _allocate.restype = (ctypes.py_object, ctypes.c_ssize_t), ctypes.py_object
+_incref: Final = ctypes.pythonapi.Py_IncRef
+_incref.argtypes, _incref.restype = (ctypes.py_object,), None
 
 T = TypeVar("T")
 
 _PACKAGES: Final = ("ap_core", "ap_visualodom", "ekf_stub", "mav_handlers", "viso")
 _PLAIN: Final = (type(None), int, float, str, bytes)
+_VEC: Final = type(vec[float]([]))
 
 
 class Copies(Generic[T]):
@@ -61,7 +72,7 @@ class _Writer(pickle.Pickler):
         is_common = (
             obj.__closure__ is None
             if isinstance(obj, FunctionType)
-            else isinstance(obj, (CodeType, Struct, ParamInfo)) or id(obj) in self._constants
+            else isinstance(obj, (CodeType, Struct, ParamInfo, _Template)) or id(obj) in self._constants
         )
         if not is_common:
             return None
@@ -76,6 +87,11 @@ class _Writer(pickle.Pickler):
         if isinstance(obj, CellType):
             # Filled later, for a function may be in what it works on.
             return _cell, (), obj.cell_contents, None, None, _fill
+        if type(obj) is _VEC:
+            return _vec, (list(obj),)
+        if attributes := getattr(type(obj), "__mypyc_attrs__", ()):
+            state = {name: getattr(obj, name) for name in attributes if hasattr(obj, name)}
+            return _blank, (_Template(obj),), state, None, None, _set_attributes
         if is_dataclass(type(obj)) and not hasattr(obj, "__dict__"):
             # The way of dataclasses themselves takes three times as long.
             values = tuple(getattr(obj, name) for name in _names(type(obj)))
@@ -98,6 +114,39 @@ def _function(*parts: Any) -> Callable[..., object]:
 
 def _cell() -> CellType:
     return CellType()
+
+
+def _vec(numbers: list[float]) -> "vec[float]":
+    return vec[float](numbers)
+
+
+class _Template:
+    """An object of a compiled class, which others are made after."""
+
+    def __init__(self, original: object) -> None:
+        self.original = original
+
+
+def _blank(template: _Template) -> object:
+    """Return an object of a compiled class that has what another one has, for the moment.
+
+    Compiled classes make no object without a call of ``__init__``, whose arguments nobody knows any more.
+    """
+    original = template.original
+    cls = type(original)
+    made: object = _allocate(cls, 0)
+    for part in gc.get_referents(original):
+        _incref(part)
+    ctypes.memmove(id(made) + _HEAD, id(original) + _HEAD, cls.__basicsize__ - _HEAD)
+    return made
+
+
+def _set_attributes(obj: object, state: dict[str, object]) -> None:
+    for name in cast(Any, type(obj)).__mypyc_attrs__:
+        if name in state:
+            setattr(obj, name, state[name])
+        elif hasattr(obj, name):
+            delattr(obj, name)
 
 
 def _fill(cell: CellType, contents: object) -> None:

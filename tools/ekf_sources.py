@@ -5,7 +5,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from ekf_stub.inputs.source_check import (
+from ekf_stub.ahrs.source_check import (
     ALLOWED,
     BARO,
     BEACON,

@@ -6,21 +6,20 @@ Source: AP_AHRS/AP_AHRS.cpp.
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
-from ap_core.cint import u32
 from ap_core.clock import Clock
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.ext_nav_ingest import ExtNavIngest
-from ekf_stub.inputs.flow_ingest import FlowMeasurement
+from ekf_stub.core.params import EkfSources
+from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.sensors import SensorSource
-from ekf_stub.inputs.sources import EkfSources, SourceYaw
+from ekf_stub.inputs.sources import SourceYaw
 from ekf_stub.log.ext_nav_log import ExtNavLog, VisualOdomFrame
 from ekf_stub.reports.filter_status import FilterStatus
 
@@ -51,12 +50,11 @@ class AhrsBase:
         self._start_us = start_us
         self._estimator_start_us = start_us + ESTIMATOR_STARTUP_DELAY_US
         self._origin: Location | None = None
-        self._ingests: Sequence[ExtNavIngest] = ()
         self.source: SensorSource | None = None
         self.ext_nav_counts: Counter[tuple[str, str]] = Counter()
 
     def _now_ms(self) -> int:
-        # Without the wrap of the firmware's clock, see ekf_stub.fusion.aiding.FusionTimes.
+        # Without the wrap of the firmware's clock, see ekf_stub.core.aiding.
         return self._clock.micros64() // 1000
 
     def started(self) -> bool:
@@ -204,20 +202,12 @@ class AhrsBase:
         delay_ms: int,
         resetTime_ms: int,
     ) -> None:
-        """Log a position and attitude sample, then hand it to all cores."""
+        """Log a position and attitude sample; an estimator hands it to all cores."""
         self._log.pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
-        for ingest in self._ingests:
-            ingest.write_pose(pos, quat, (posErr, angErr), timeStamp_ms, delay_ms, resetTime_ms)
-        self._tell_pose(pos, quat, u32(timeStamp_ms - delay_ms), resetTime_ms)
-
-    def _tell_pose(self, pos: Vector3f, quat: Quaternion, time_ms: int, reset_ms: int) -> None:
-        """Tell who listens of a pose at the time of its observation."""
 
     def writeExtNavVelData(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
-        """Log a velocity sample, then hand it to all cores."""
+        """Log a velocity sample; an estimator hands it to all cores."""
         self._log.velocity(vel, err, timeStamp_ms, delay_ms)
-        for ingest in self._ingests:
-            ingest.write_velocity(vel, err, timeStamp_ms, delay_ms)
 
     def writeBodyFrameOdom(
         self,
@@ -229,12 +219,5 @@ class AhrsBase:
         delay_ms: int,
         posOffset: Vector3f,
     ) -> None:
-        """Log a body odometry sample, then hand it to all cores."""
+        """Log a body odometry sample; an estimator hands it to all cores."""
         self._log.body_odometry(quality, delPos, delAng, delTime, timeStamp_ms)
-        for lane, ingest in enumerate(self._ingests):
-            place = self._from_imu(posOffset, lane)
-            ingest.write_odometry(quality, (delPos, delAng, delTime), timeStamp_ms, delay_ms, place)
-
-    def _from_imu(self, place: Vector3f, lane: int) -> Vector3f:
-        """Return a place on the vehicle as counted from a core's IMU."""
-        return place

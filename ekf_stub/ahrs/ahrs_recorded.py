@@ -13,7 +13,7 @@ from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
-from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.core.params import EkfSources
 from ekf_stub.log.ext_nav_log import ExtNavLog
 
 Array = npt.NDArray[np.float64]

@@ -6,132 +6,176 @@ Cores that are given the same say the same: where all IMUs do so, one filter sta
 """
 
 import math
-from collections import Counter
+from collections.abc import Sequence
 from typing import Final
 
 from ap_core.internal_error import InternalErrors
-from ap_core.param_cache import FromParams, Numbers
+from ap_core.param_cache import FromParams
 from ap_core.quaternion import Quaternion
 from ekf_stub.ahrs.parts import AhrsParts
-from ekf_stub.core.ekf3_core import AFFINITY_MAG, CommonOrigin, Ekf3Core, Frame
+from ekf_stub.core.core import AFFINITY_MAG, Core
+from ekf_stub.core.ext_nav import ExtNav
+from ekf_stub.core.imus import MAX_IMUS, Imus
+from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.core.lanes import Lanes
-from ekf_stub.core.reporting import run_report_of
-from ekf_stub.filter.inertial import LOOP_DT, Array
-from ekf_stub.filter.inertial_pass import Kernel
-from ekf_stub.inputs.compasses import Compasses, CompassReading
-from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
-from ekf_stub.inputs.obs_ring import RingSizes
+from ekf_stub.core.params import Params
+from ekf_stub.core.samples import RingSizes
+from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.inertial import ImuReading, first_usable
 from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
 from ekf_stub.inputs.range_state import RangeState
+from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.log.replay_log import SensorSet
-from ekf_stub.reports.core_report import Three
-from ekf_stub.reports.core_texts import CoreTexts
+from ekf_stub.log.reporting import report_of
+from ekf_stub.reports.core_report import CoreReport, Three
+from ekf_stub.reports.core_texts import words_of
 
 MOST_LEAN_APART: Final = math.radians(10.0)
 MOST_YAW_APART: Final = math.radians(20.0)
 _COMPASSES: Final = SensorSet().compasses
 _HERE: Final = (0.0, 0.0, 0.0)
+_FLOW_MAX: Final = "FLOW_MAX"
 
 
 class Cores:
     """The filters, what they are given, and what they log.
 
-    ``imus`` has the IMU of each core, in the order of the cores; ``differ`` says whether these differ. In ``lanes`` is
-    a filter for each core, or one for all.
+    ``imus`` has the IMU of each core, in the order of the cores; ``differ`` says how many IMUs differ, 0 for none. In
+    ``lanes`` is a filter for each core, or one for all.
     """
 
     def __init__(
-        self,
-        parts: AhrsParts,
-        kernel: Kernel,
-        sizes: RingSizes,
-        imus: tuple[int, ...],
-        *,
-        differ: bool,
-        has_camera: bool,
+        self, parts: AhrsParts, sizes: RingSizes, imus: Sequence[int], *, differ: int, has_camera: bool
     ) -> None:
-        numbers = tuple(range(len(imus)))
-        self._differ = differ
+        numbers = list(range(len(imus)))
+        self._parts = parts
+        self._differ = differ > 0
         self._has_camera = has_camera
-        self._imu_of_core = imus
-        get_float = Numbers(parts.params, "EK3_", {"MAX_FLOW": parts.release.flow_limit}).__getitem__
-        has_compass = FromParams(parts.params, parts.has_compass)
-        common = CommonOrigin()
-        groups = [(number,) for number in numbers] if differ else [numbers]
+        self._groups = [(number,) for number in numbers] if differ else [tuple(numbers)]
+        self._imu_of_core = list(imus)
+        self._params = Params()
+        self._params_generation: int | None = None
+        self._read_params()
+        self._imus = Imus(max(differ, 1))
         self.lanes = Lanes(
-            [
-                Ekf3Core(
-                    parts.sources,
-                    get_float,
-                    sizes,
-                    CoreTexts(parts.texts, [imus[number] for number in group]),
-                    Counter(),
-                    has_compass,
-                    kernel,
-                    common=common,
-                    number=group[0],
-                    release=parts.release,
-                    imu=imus[group[0]],
-                )
-                for group in groups
-            ],
-            common,
-            get_float,
-            parts.texts,
+            self._params,
+            parts.sources,
+            sizes,
+            parts.release,
+            self._imus,
+            [group[0] for group in self._groups],
+            [imus[group[0]] for group in self._groups],
             len(imus),
         )
-        logs = [EkfLog(parts.logger, parts.params.get_int, group, lambda: self.lanes.primary) for group in groups]
-        self._logged = list(zip(self.lanes.cores, logs, strict=True))
-        self._imus = Imus()
+        self._logs = [
+            EkfLog(parts.logger, parts.params.get_int, group, lambda: self.lanes.primary) for group in self._groups
+        ]
         self._has_own_compass = FromParams(
             parts.params, lambda: bool(parts.params.get_int("EK3_AFFINITY") & AFFINITY_MAG)
         )
+        self._has_compass = FromParams(parts.params, parts.has_compass)
         self._places = FromParams(parts.params, lambda: _places(parts))
-        self._mag: tuple[int, Array] | None = None
-        self._compasses: list[Compasses] = []
+        self._given: dict[tuple[str, int], tuple[object, ...]] = {}
         self._levers = Moved(from_imu)
         self._ranges = Moved(RangeState.seen_from)
         self._gps = Moved(gps_seen_from)
 
-    def run(self, frame: Frame, imus: tuple[ImuReading, ...]) -> None:
-        """Run a frame of the first IMU; what others say comes beside it."""
-        self.lanes.run(self._frames(frame, imus) if self._differ else (frame,))
+    def _read_params(self) -> None:
+        params = self._parts.params
+        if params.generation != self._params_generation:
+            self._params_generation = params.generation
+            renamed = {_FLOW_MAX: self._parts.release.flow_limit}
+            self._params.read(lambda name: params.get_number(f"EK3_{renamed.get(name, name)}"))
 
-    @property
-    def may_be_alike(self) -> bool:
-        """Whether there is but one filter, and nobody else is to become primary."""
-        return not self._differ and self.lanes.primary == self.lanes.chosen_by_user()
+    # What is handed in
 
-    def _frames(self, frame: Frame, imus: tuple[ImuReading, ...]) -> list[Frame]:
-        self._imus.update(imus, LOOP_DT)
-        return [self._frame_of(number, imu, frame) for number, imu in enumerate(self._imu_of_core)]
+    def set_vehicle(self, *, home_lat: int, lever_arm: Three, gps: GpsSample | None, ranges: RangeState | None) -> None:
+        """Give the filters what the vehicle and its slow sensors say, before they are run.
 
-    def _frame_of(self, number: int, imu: int, frame: Frame) -> Frame:
-        imus = self._imus
-        accel = imus.accel_of(imu)
-        place = self._places()[accel]
-        return frame._replace(
-            delta=imus.delta_of(imu),
-            lever_arm=self._levers(accel, frame.lever_arm, place) if self._has_camera else frame.lever_arm,
-            ranges=None if frame.ranges is None else self._ranges(accel, frame.ranges, place),
-            compasses=self._compasses_of(number, frame.mag),
-            gps=None if frame.gps is None else self._gps(accel, frame.gps, place),
-            imu_rates=imus.rates_of(imu),
-        )
+        Args:
+            home_lat: 1e-7 deg.
+            lever_arm: the camera's place from the first IMU, m, body (FRD).
+            gps, ranges: with places from the first IMU.
+        """
+        self._read_params()
+        parts, has_compass = self._parts, self._has_compass()
+        armed, (takeoff_expected, touchdown_expected) = parts.is_armed(), parts.expected()
+        for core in self.lanes.cores:
+            inputs, accel = core.inputs, self._imus.accel_of(core.imu)
+            place = self._places()[accel] if self._differ else _HERE
+            inputs.armed = armed
+            inputs.takeoff_expected, inputs.touchdown_expected = takeoff_expected, touchdown_expected
+            inputs.home_lat, inputs.has_compass = home_lat, has_compass
+            if self._is_news("gps", core, gps, place):
+                inputs.set_gps(None if gps is None else self._gps(accel, gps, place))
+            if self._is_news("ranges", core, ranges, place):
+                inputs.set_ranges(None if ranges is None else self._ranges(accel, ranges, place))
+            if self._is_news("lever_arm", core, lever_arm, place):
+                inputs.set_lever_arm(self._levers(accel, lever_arm, place) if self._has_camera else lever_arm)
 
-    def _compasses_of(self, number: int, mag: tuple[int, Array] | None) -> Compasses | None:
-        """Return what the compasses say, of which the core has its own by EK3_AFFINITY: the same until that changes."""
-        if mag is None or not self._has_own_compass():
-            return None
-        if mag is not self._mag:
-            all_say = Compasses((CompassReading(*mag),) * _COMPASSES)
-            self._mag, self._compasses = mag, [all_say._replace(own=own) for own in range(MAX_IMUS)]
-        return self._compasses[number]
+    def set_sensors(self, sensors: Sensors) -> None:
+        """Give the filters what barometer and compass say, and which IMUs may be used."""
+        own = self._has_own_compass()
+        for core in self.lanes.cores:
+            if self._is_news("baro", core, sensors.baro):
+                core.inputs.set_baro(*(sensors.baro or (-1, 0.0)))
+            if self._is_news("mag", core, sensors.mag, own):
+                core.inputs.set_compasses(_compasses_of(sensors, core.number if own else None))
+            if self._is_news("declination", core, sensors.declination):
+                core.inputs.set_declination(sensors.declination)
+        for imu, reading in zip(self._imus.imus, sensors.imus or (ImuReading(sensors.delta),), strict=False):
+            imu.has_data, imu.has_gyro, imu.has_accel = True, reading.has_gyro, reading.has_accel
+        self._imus.first_gyro, self._imus.first_accel = first_usable(sensors.imus)
+
+    def _is_news(self, name: str, core: Core, *given: object) -> bool:
+        """Return whether a core has been given something else before; what is given is replaced, never changed."""
+        before = self._given.get((name, core.number))
+        if before is not None and all(map(_is_same, before, given)):
+            return False
+        self._given[name, core.number] = given
+        return True
+
+    def ext_navs(self) -> list[ExtNav]:
+        """Return where each filter takes external navigation."""
+        return [core.ext_nav for core in self.lanes.cores]
 
     def place_of_imu(self, lane: int) -> Three:
         """Return the place of a filter's IMU as counted from the first IMU, m, body (FRD)."""
         return self._places()[self._imus.accel_of(self._imu_of_core[lane])] if self._differ else _HERE
+
+    # What comes of it
+
+    def tell_texts(self) -> None:
+        """Send what the filters have said, all lines of a filter for each core that it stands for."""
+        texts = self.lanes.texts
+        while texts:
+            number, lines = texts[0].core, []
+            while texts and texts[0].core == number:
+                text = texts.pop(0)
+                lines.append(words_of(text.code, text.values))
+            for name in self._names_of(number):
+                for severity, words in lines:
+                    self._parts.texts.send_text(severity, name + words)
+
+    def _names_of(self, number: int) -> list[str]:
+        """Return how the cores are called that a filter stands for, by the number of the first; nothing for all."""
+        groups = [group for group in self._groups if group[0] == number]
+        return [f"EKF3 IMU{self._imu_of_core[core]} " for core in groups[0]] if groups else [""]
+
+    def log_pass(self, now_us: int) -> None:
+        """Log what the filters write by themselves after a pass."""
+        for core, log in zip(self.lanes.cores, self._logs, strict=True):
+            log.log_pass(core, now_us)
+
+    def log_estimates(self, now_us: int) -> None:
+        """Log what they say at the moment."""
+        for index, log in enumerate(self._logs):
+            log.write_streaming(report_of(self.lanes, index), now_us)
+
+    def report(self, core: Core) -> CoreReport:
+        """Return what a filter says at the moment."""
+        return report_of(self.lanes, self.lanes.cores.index(core))
 
     def disagreement(self, *, checks_yaw: bool) -> str | None:
         """Return by what the attitude of a core differs from the primary one's, None while all agree.
@@ -148,35 +192,18 @@ class Cores:
                     return f"EKF3 {axis} inconsistent {int(math.degrees(apart))} deg. Wait or reboot"
         return None
 
-    def record_is_due(self, now_us: int) -> bool:
-        """Return whether the only filter writes anything by itself after a step."""
-        core, log = self._logged[0]
-        return log.is_due(now_us, core.is_still(), is_step=True)
 
-    def record_due_us(self) -> int:
-        """Return from when on the only filter writes something by itself after a frame without a step; 0 if now."""
-        core, log = self._logged[0]
-        return log.due_us(core.is_still())
-
-    def log_run(self, now_us: int) -> bool | None:
-        """Log what the filters write by themselves after a frame; return the first one's answer of ``is_still``."""
-        answer = None
-        for core, log in self._logged:
-            still = core.is_still() if core.initialised else None
-            answer = still if core is self._logged[0][0] else answer
-            if log.is_due(now_us, still, is_step=core.stepped):
-                log.update(run_report_of(core), now_us, is_step=core.stepped)
-        return answer
-
-    def log_estimates(self, now_us: int) -> None:
-        """Log what they say at the moment."""
-        for i, (_, log) in enumerate(self._logged):
-            log.write_streaming(self.lanes.report(i), now_us)
+def _is_same(before: object, given: object) -> bool:
+    """Return whether what is given is the same object as before, or a number or place that is equal."""
+    return before is given or (isinstance(given, float | tuple) and not _holds_array(given) and before == given)
 
 
-def _attitude_of(core: Ekf3Core) -> Quaternion:
-    quat = core.output.now.quat
-    return Quaternion(quat.w, quat.x, quat.y, quat.z)
+def _holds_array(given: object) -> bool:
+    return isinstance(given, tuple) and not all(isinstance(part, float | int) for part in given)
+
+
+def _attitude_of(core: Core) -> Quaternion:
+    return Quaternion(*core.output.now.quat)
 
 
 def _places(parts: AhrsParts) -> list[Three]:
@@ -184,3 +211,13 @@ def _places(parts: AhrsParts) -> list[Three]:
     x_y_z = (map(float, parts.imu_pos(imu).to_tuple()) for imu in range(MAX_IMUS))
     first, *others = [(x, y, z) for x, y, z in x_y_z]
     return [_HERE, *(from_imu(place, first) for place in others)]
+
+
+def _compasses_of(sensors: Sensors, own: int | None) -> Compasses:
+    """Return what the compasses say, all the same; ``own`` is the number of the core's by EK3_AFFINITY."""
+    if sensors.mag is None:
+        return Compasses([])
+    time_us, field = sensors.mag
+    x, y, z = field.tolist()
+    reading = CompassReading(time_us, (x, y, z))
+    return Compasses([reading]) if own is None else Compasses([reading] * _COMPASSES, 0, own)

@@ -10,12 +10,12 @@ from ap_core.location import Location
 from ap_core.param import ParamTable
 from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter.release import REFERENCE, FilterRelease
+from ekf_stub.ahrs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, RANGEFINDER, VISUAL_ODOM
+from ekf_stub.core.params import EkfSources
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.range_state import DOWNWARD, RangeState
-from ekf_stub.inputs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, RANGEFINDER, VISUAL_ODOM
-from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.replay_log import ReplayLog
+from ekf_stub.release import REFERENCE, FilterRelease
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class AhrsParts:
         gps_lag_s: returns how late the GPS is said to be, s.
         on_yaw_reset: is called as the estimator's yaw has jumped.
         on_primary: is called with the number of the primary core as another has become that.
-        flying_ms: for how long the vehicle has been flying, 0 on the ground.
+        flying_since_us: since when the vehicle has been flying, us since boot; None on the ground.
         home: returns home, None while it is unset.
         ranges: returns what the range finders say, the same until that changes; None without any.
         expected: says whether a take-off is expected, and whether a touchdown is.
@@ -47,7 +47,7 @@ class AhrsParts:
     visual_odom_enabled: Callable[[], bool]
     on_yaw_reset: Callable[[], None]
     on_primary: Callable[[int], None]
-    flying_ms: Callable[[], int]
+    flying_since_us: Callable[[], int | None]
     home: Callable[[], Location | None]
     release: FilterRelease = REFERENCE
     ranges: Callable[[], RangeState | None] = lambda: None

@@ -6,7 +6,7 @@ The firmware says nothing of any of this. Rules of the door are exact. What happ
 instant at which the horizon reaches it, which is modelled: these codes begin with ``model_``.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 from ap_core.verdict import Rule
 
@@ -70,3 +70,25 @@ RULES: Final = (
     GATE_YAW,
     GATE_ODOMETRY,
 )
+"""All of them, by their numbers in `ekf_stub.core.events`."""
+
+KINDS: Final = ("pose", "height", "yaw", "velocity", "odometry")
+"""Kinds of samples, by their numbers there."""
+
+
+class FilterOutcome(NamedTuple):
+    """What the estimator did with a sample: took or refused it as it came and, by the model, what came of it later.
+
+    Attributes:
+        kind: ``pose`` (its north and east), ``height`` (its down), ``yaw``, ``velocity`` or ``odometry``.
+        rule: what decided it, one of ``RULES``.
+        time_ms: when it was observed, in ms since boot.
+        ratio: of its innovation to the gate, where it was tested.
+        innovation: the length of that innovation, likewise: m, deg or m/s; of a pose horizontal.
+    """
+
+    kind: str
+    rule: Rule
+    time_ms: int
+    ratio: float | None
+    innovation: float | None = None

@@ -5,8 +5,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from ekf_stub.filter.inertial import Array, InertialDelta
-from ekf_stub.inputs.imus import ImuReading
+from ekf_stub.inputs.inertial import Array, ImuReading, InertialDelta
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +51,7 @@ class SensorSource(Protocol):
 
         Returns:
             Shape (n, 8), n up to their number: a pass's ``del_vel``, ``del_ang``, ``del_vel_dt`` and ``del_ang_dt``.
+            Of IMUs that differ, one after the other in each row.
         """
 
     def pass_over(self, times_us: range) -> None:

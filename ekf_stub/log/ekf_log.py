@@ -12,12 +12,12 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import int_of_float
-from ap_core.clock import NEVER
 from ap_core.fmath import RAD_TO_DEG, f32, ieee754
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
-from ekf_stub.filter.inertial import limited
+from ekf_stub.core.core import Core
+from ekf_stub.core.vectors import limited
 from ekf_stub.log.ekf_log_structure import (
     XKF1,
     XKF2,
@@ -34,11 +34,10 @@ from ekf_stub.log.ekf_log_structure import (
     XKY0,
     XKY1,
 )
-from ekf_stub.reports.core_report import CoreReport, GsfReport, RunReport
+from ekf_stub.log.reporting import stillness_of
+from ekf_stub.reports.core_report import CoreReport, GsfReport
 
 COVARIANCE_INTERVAL_MS: Final = 490
-TILT_INTERVAL_MS: Final = 500
-STILLNESS_INTERVAL_MS: Final = 200
 PERIOD_US: Final = 100_000
 
 _ONLY_XKF4: Final = 1  # of EK3_LOG_LEVEL
@@ -51,9 +50,6 @@ _HIGHEST_M: Final = 327.67  # of a height in cm, of 16 bits
 _FULL_TURN_CDEG: Final = f32(36000)
 _ANGLES, _OTHERS, _FIELDS = 7, 9, 9  # of what XKF1 to XKF3 have scaled in single precision, and by what
 _SCALES: Final = np.repeat(np.array((RAD_TO_DEG, 1, 1000), np.float32), (_ANGLES, _OTHERS, _FIELDS))
-
-UNINITIALISED: Final = CoreReport()
-"""What a core says before it has a state."""
 
 Values = tuple[LogValue, ...]
 
@@ -75,44 +71,20 @@ class EkfLog:
         self._get_int = get_int
         self._cores = cores
         self._primary = primary
-        self._covariance_ms = self._tilt_ms = self._stillness_ms = 0
-        self._was_still = False
+        self._covariance_ms = 0
         self._odometry_recalled = 0
 
     # Whatever EK3_LOG_LEVEL says
 
-    def is_due(self, now_us: int, is_still: bool | None, *, is_step: bool) -> bool:
-        """Return whether :meth:`update` would write anything: not in every frame is it worth making a report.
-
-        ``is_still`` is the answer of the test for standing still, None while the test does not run.
-        """
-        now_ms = now_us // 1000
-        if is_still is None:
-            self._was_still = False
-        elif is_still != self._was_still or (now_ms - self._stillness_ms) & _U32 > STILLNESS_INTERVAL_MS:
-            return True
-        return is_step and (now_ms - self._tilt_ms) & _U32 > TILT_INTERVAL_MS
-
-    def due_us(self, is_still: bool | None) -> int:
-        """Return from when on something is due in frames without a step that answer as the last one did; 0 if now."""
-        if is_still is None:
-            return NEVER
-        return (self._stillness_ms + STILLNESS_INTERVAL_MS + 1) * 1000 if is_still == self._was_still else 0
-
-    def update(self, report: CoreReport | RunReport, now_us: int, *, is_step: bool = True) -> None:
-        """Write what the filter itself writes as it runs; called after it, in any frame in which something is due.
-
-        XKFM comes when its answer changes or after more than 200 ms, XKTV in the first step after more than 500 ms.
-        """
-        now_ms = now_us // 1000
-        still = report.stillness
-        if still is not None and self.is_due(now_us, still.is_still, is_step=False):
-            self._stillness_ms, self._was_still = now_ms, still.is_still
+    def log_pass(self, core: Core, now_us: int) -> None:
+        """Write what the filter itself writes as it runs, after a pass in which it has something to log."""
+        still = stillness_of(core)
+        if core.logs_stillness and still is not None:
             lengths = still.gyro_length_ratio, still.accel_length_ratio
             self._write_all(XKFM, now_us, (still.is_still, *lengths, still.gyro_diff_ratio, still.accel_diff_ratio))
-        if is_step and (now_ms - self._tilt_ms) & _U32 > TILT_INTERVAL_MS:
-            self._tilt_ms = now_ms
-            self._write_all(XKTV, now_us, (report.tilt_error_rad**2,) * 2)
+        if core.logs_tilt:
+            variance = math.sqrt(core.state.predicted_tilt_var) ** 2
+            self._write_all(XKTV, now_us, (variance, variance))
 
     def _write_all(self, structure: LogStructure, now_us: int, values: Values) -> None:
         for core in self._cores:

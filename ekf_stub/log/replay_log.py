@@ -29,9 +29,8 @@ from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
-from ekf_stub.filter.inertial import Array, InertialDelta
 from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.imus import MAX_IMUS, first_usable
+from ekf_stub.inputs.inertial import MAX_IMUS, Array, InertialDelta, first_usable
 from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import ExtNavLog

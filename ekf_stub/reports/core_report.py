@@ -79,14 +79,6 @@ class StillnessReport:
 
 
 @dataclass(slots=True)
-class RunReport:
-    """What a core says of itself as it runs: the attributes of `CoreReport` that have the same names."""
-
-    tilt_error_rad: float
-    stillness: StillnessReport | None
-
-
-@dataclass(slots=True)
 class CoreReport:
     """What a core knows, at the present time unless said otherwise. By default it has no state yet.
 

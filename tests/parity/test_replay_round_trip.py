@@ -3,7 +3,6 @@
 """A run of the filter, repeated from the log that it left, gives the same estimates to the last bit."""
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -19,17 +18,21 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.core.buffers import buffer_sizes
-from ekf_stub.core.ekf3_core import Ekf3Core, Frame
-from ekf_stub.core.reporting import report_of
-from ekf_stub.filter.inertial import Array, InertialDelta
+from ekf_stub.core.imus import Imus
+from ekf_stub.core.inputs import Compasses, CompassReading
+from ekf_stub.core.lanes import Lanes
+from ekf_stub.core.params import EkfSources, Params
+from ekf_stub.inputs.inertial import Array, InertialDelta, numbers_of
 from ekf_stub.inputs.sensors import Sensors
-from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, ReplayLog, VehicleFrame
-from ekf_stub.reports.core_texts import CoreTexts
+from ekf_stub.log.reporting import report_of
+from ekf_stub.release import REFERENCE
+from ekf_stub.reports.core_texts import words_of
 from viso.ekf_runs.run import EkfReplay, replay_ekf
 from viso.logs.logger import STRUCTURES, Logger
 from viso.logs.sink import MemoryLog
+from viso.parameters.ekf3 import FLOW_LIMIT_LATER
 from viso.parameters.table import make_groups
 
 pytestmark = pytest.mark.slow
@@ -64,15 +67,6 @@ LABELS: Final = (
 )
 
 
-@dataclass
-class _Texts:
-    clock: VirtualClock
-    sent: list[tuple[float, str]]
-
-    def send_text(self, _severity: int, text: str) -> None:
-        self.sent.append((self.clock.micros64() / 1e6, text.removeprefix("EKF3 IMU0 ")))
-
-
 def single(values: Array) -> Array:
     return values.astype(np.float32).astype(np.float64)
 
@@ -96,16 +90,16 @@ class Flight:
             logger.write_parameter(f"INS_POS1_{axis}", np.float32(0))
         self.log = ReplayLog(logger, lambda: logger.is_open and params.get_int("LOG_REPLAY") != 0)
         self.texts: list[tuple[float, str]] = []
-        values = {param.name: float(param.value) for param in params}
-        sources = EkfSources(lambda name: int(values[f"EK3_{name}"]))
-        self.core = Ekf3Core(
-            sources,
-            lambda name: values[f"EK3_{name}"],
-            buffer_sizes(params.get_int, sources, has_camera=True),
-            CoreTexts(_Texts(self.clock, self.texts), (0,)),
-            Counter(),
-            lambda: True,
-        )
+        core_params, sources = Params(), EkfSources(lambda name: params.get_int(f"EK3_{name}"))
+        renamed = {FLOW_LIMIT_LATER: REFERENCE.flow_limit}
+        core_params.read(lambda name: params.get_number(f"EK3_{renamed.get(name, name)}"))
+        imus = Imus()
+        imus.imus[0].has_data = True
+        sizes = buffer_sizes(params.get_int, sources, has_camera=True)
+        self.lanes = Lanes(core_params, sources, sizes, REFERENCE, imus, [0], [0], 1)
+        (self.core,) = self.lanes.cores
+        self.core.inputs.has_compass = True
+        self.core.inputs.set_lever_arm(LEVER_ARM)
         self.rows: list[tuple[float, ...]] = []
         self._random = np.random.default_rng(3)
         self._baro = 3449, 0.0
@@ -116,16 +110,26 @@ class Flight:
             now_us = START_US + FRAME_US * number
             self.clock.set_us(now_us)
             self._run_frame(number, now_us)
+            self._listen()
             if number >= FIRST_POSE and number % POSE_EVERY == 0:
                 self._give_pose(number, now_us // 1000)
                 if number % XKF_EVERY == 0:
                     self._note_estimates(now_us)
             if number == HEIGHT_RESET:
                 self.log.event(RESET_HEIGHT_DATUM)
-                assert self.core.reset_height_datum()
+                assert self.lanes.reset_height_datum()
             if number == ORIGIN:
                 self.log.origin(HOME)
-                assert self.core.set_origin(HOME)
+                assert self.lanes.set_origin(HOME)
+                self._listen()
+
+    def _listen(self) -> None:
+        """Note what the filter has said."""
+        for text in self.lanes.texts:
+            _, words = words_of(text.code, text.values)
+            self.texts.append((self.clock.micros64() / 1e6, words))
+        self.lanes.texts.clear()
+        self.core.events.outcomes.clear()
 
     def _height(self, number: int) -> float:
         return CLIMB_M_S * 1e-6 * FRAME_US * max(number - FLYING, 0)
@@ -151,38 +155,36 @@ class Flight:
         self.log.vehicle(VehicleFrame(armed, takeoff_expected, home=home))
         self.log.sensors(sensors)
         self.log.frame(VisualOdomFrame(Vector3f(*LEVER_ARM), DELAY_MS, number >= FIRST_POSE, True))
-        self.core.run(
-            Frame(
-                now_us,
-                sensors.delta,
-                armed=armed,
-                flying_ms=flying_ms,
-                takeoff_expected=takeoff_expected,
-                baro=sensors.baro,
-                mag=sensors.mag,
-                declination=sensors.declination,
-                lever_arm=LEVER_ARM,
-                home_lat=0 if home is None else home.lat,
-            )
-        )
+        inputs = self.core.inputs
+        inputs.armed, inputs.takeoff_expected = armed, takeoff_expected
+        inputs.home_lat = 0 if home is None else home.lat
+        inputs.set_baro(*self._baro)
+        time_us, field = self._mag
+        x, y, z = field.tolist()
+        inputs.set_compasses(Compasses([CompassReading(time_us, (x, y, z))]))
+        inputs.set_declination(sensors.declination)
+        self.lanes.advance([float(now_us), float(flying_ms), 0.0, *numbers_of(sensors.delta)], 0, 1)
         self.log.note_run(was_initialised=was_initialised)
 
     def _give_pose(self, number: int, now_ms: int) -> None:
         noise = self._random.normal(0.0, 0.02, 6)
         pos = Vector3f(1.0 + noise[0], 2.0 + noise[1], noise[2] - self._height(number))
         vel = Vector3f(noise[3], noise[4], noise[5] - CLIMB_M_S * (number > FLYING))
-        errors = np.float32(0.2), np.float32(0.2)
-        self.log.pose(pos, Quaternion(), errors, now_ms, DELAY_MS, 0)
-        self.core.ingest.write_pose(pos, Quaternion(), errors, now_ms, DELAY_MS, 0)
-        self.log.velocity(vel, np.float32(0.1), now_ms, DELAY_MS)
-        self.core.ingest.write_velocity(vel, np.float32(0.1), now_ms, DELAY_MS)
+        x, y, z = map(float, pos.to_tuple())
+        err = np.float32(0.2)
+        self.log.pose(pos, Quaternion(), (err, err), now_ms, DELAY_MS, 0)
+        self.core.ext_nav.write_pose((x, y, z), float(err), 0.0, float(err), now_ms, DELAY_MS, 0)
+        x, y, z = map(float, vel.to_tuple())
+        err = np.float32(0.1)
+        self.log.velocity(vel, err, now_ms, DELAY_MS)
+        self.core.ext_nav.write_velocity((x, y, z), float(err), now_ms, DELAY_MS)
 
     def _note_estimates(self, now_us: int) -> None:
         for name in ("XKF4", "XKF1", "XKF3"):
             layout = LAYOUTS[name]
             self._logger.write(layout, (now_us, *[0] * (len(layout.fields) - 1)))
         self.log.note_logged()
-        report = report_of(self.core, now_us // 1000)
+        report = report_of(self.lanes, 0)
         estimates = (*report.vel_ned, *report.pos_ned, *report.vel_innovation, *report.pos_innovation)
         ratios = map(math.sqrt, (report.vel_ratio, report.pos_ratio, report.height_ratio))
         self.rows.append((*estimates, *ratios, report.timeouts, report.flags))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from librt.vecs import vec
 
 from mav_handlers.verdicts import HANDLED
 from tests.copies import Copies
@@ -70,3 +71,27 @@ def test_constants_of_modules_keep_their_identity() -> None:
 def test_what_cannot_be_copied_is_refused(tmp_path: Path) -> None:
     with (tmp_path / "file").open("w") as file, pytest.raises(TypeError):
         Copies([file])
+
+
+class LikeCompiled:
+    """Has its attributes where a class has them that mypyc compiles: named by the class, and nowhere else."""
+
+    __slots__ = __mypyc_attrs__ = ("floats", "itself", "unset")
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, floats: list[float]) -> None:
+        self.floats = vec[float](floats)
+        self.itself = self
+
+    def __getstate__(self) -> None:
+        raise TypeError("there is nothing that pickle could ask for")
+
+
+def test_compiled_object_is_copied_by_its_attributes() -> None:
+    original = LikeCompiled([1.0, 2.0])
+    copies = Copies(original)
+    original.floats[0] = 3.0
+    copied = copies.make()
+    assert list(copied.floats) == [1.0, 2.0]
+    assert copied.itself is copied
+    assert not hasattr(copied, "unset")

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from viso.closed_loop.errors import PoseErrors, estimate_errors, odometry_errors, truth
 from viso.closed_loop.loop import CompanionLoop

@@ -3,15 +3,14 @@
 """What happens in a closed loop: what was said, sent, known and estimated, and when."""
 
 import logging
+import math
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from ap_core.verdict import Outcome
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.filter.states import POS
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.core.covariance import POS
+from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.messages import ODOMETRY
@@ -159,9 +158,9 @@ class LoopRecorder(logging.Handler):
         ahrs = self._vehicle.ahrs
         if not isinstance(ahrs, Ekf3Ahrs) or ahrs.core is None or not ahrs.core.initialised:
             return None, None
-        sigma_n, sigma_e, sigma_d = np.sqrt(ahrs.core.state.cov.diagonal()[POS].clip(0.0)).tolist()
-        moved_n, moved_e = ahrs.core.resets.moved_ne.tolist()
-        return (sigma_n, sigma_e, sigma_d), (moved_n, moved_e)
+        cov = ahrs.core.state.cov
+        sigma_n, sigma_e, sigma_d = (math.sqrt(max(cov.var(POS + axis), 0.0)) for axis in range(3))
+        return (sigma_n, sigma_e, sigma_d), ahrs.core.resets.moved_ne
 
     def _now_us(self) -> int:
         return self._vehicle.clock.micros64()

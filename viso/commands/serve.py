@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from mav_handlers.channel import CountKey
 from mav_handlers.links import Link, is_open_to_network, open_link
 from viso.errors import InputError, file_errors
@@ -48,7 +47,6 @@ from viso.terminal.live_report import LiveReport
 from viso.terminal.long_lived import long_lived
 from viso.terminal.signals import stop_on_signal
 from viso.terminal.verdict_stream import VerdictFormat, VerdictStream
-from viso.vehicle.kernels import loading_beside
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
@@ -279,8 +277,6 @@ def serve(
 
         until_us = None if duration is None else int(duration * 1e6)
         stack.enter_context(long_lived())
-        if isinstance(powered.vehicle.ahrs, Ekf3Ahrs):
-            stack.enter_context(loading_beside())
         pacer = Pacer(powered, links if view is None else view.links, speedup=speedup, beside=graphs)
         pacer.run(is_over, until_us=until_us)
     losses = [f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()]

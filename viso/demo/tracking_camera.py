@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_visualodom.log_structure import VISP
-from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS
+from ekf_stub.core.samples import HALF_FILTER_STEP_MS
 from viso.closed_loop.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, VehicleLoop
 from viso.closed_loop.record import LoopRecord
 from viso.companion.sender import Companion, OffsetClock

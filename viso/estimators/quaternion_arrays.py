@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ekf_stub.filter.quaternions import IS_PLAIN
-from ekf_stub.filter.quaternions import quaternion as quaternion
+from viso.geometry.quaternions import IS_PLAIN
+from viso.geometry.quaternions import quaternion as quaternion
 
 Array = npt.NDArray[np.float64]
 

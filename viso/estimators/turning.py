@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ekf_stub.filter.quaternions import one
 from viso.estimators import quaternion_arrays as quaternion
+from viso.geometry.quaternions import one
 
 Array = npt.NDArray[np.float64]
 

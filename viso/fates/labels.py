@@ -14,7 +14,7 @@ from typing import Final
 
 from ap_core.verdict import Rule
 from ekf_stub.inputs import ingest_rules as rules
-from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from ekf_stub.inputs.ingest_rules import FilterOutcome
 
 
 class Fate(StrEnum):

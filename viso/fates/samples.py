@@ -47,7 +47,7 @@ class SampleFates:
 
     def take(self, test: SampleTest) -> None:
         """Take what the filter tells."""
-        kind, rule, observed_ms, _ = test.outcome
+        kind, rule, observed_ms, *_ = test.outcome
         if not is_final(rule):
             sample = HandedSample(kind, observed_ms)
             self._handed.append(sample)

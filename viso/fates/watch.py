@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.core.ekf3_core import Ekf3Core
-from ekf_stub.fusion.aiding import AidingMode
-from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
-from ekf_stub.inputs.sources import SourceZ
+from ekf_stub.inputs.ingest_rules import FilterOutcome
+from ekf_stub.reports.aiding_mode import AidingMode
 from viso.fates.labels import Fate, fate_of
 from viso.vehicle.vehicle import Vehicle
 
@@ -93,10 +91,8 @@ class FilterWatch:
         self.innovations: dict[str, Innovations] = {}
 
     def _take(self, outcome: FilterOutcome) -> None:
-        kind, rule, _, ratio = outcome
-        innovation = None
-        if ratio is not None and self._ahrs.core is not None:
-            innovation = innovation_of(self._ahrs.core, kind)
+        kind, rule, _, ratio, innovation = outcome
+        if ratio is not None and innovation is not None:
             of_kind = self.innovations.get(kind) or self.innovations.setdefault(kind, Innovations())
             of_kind.add(innovation, ratio, is_rejected=fate_of(rule) is _REJECTED)
         # The tuple's own way of being made takes twice as long.
@@ -119,31 +115,10 @@ class FilterWatch:
 
     def mode(self) -> AidingMode:
         """Return how the filter navigates."""
-        core = self._ahrs.core
-        return core.aiding.mode if core is not None and core.initialised else AidingMode.NONE
+        return self._ahrs.aiding_mode()
 
     def aiding(self) -> list[AidingSpan]:
         """Return how the filter has navigated, from boot until now, or until it ended."""
         end_us = self._clock.micros64() if self._end_us is None else self._end_us
         ends = [*(time_us for time_us, _ in self._modes[1:]), end_us]
         return [AidingSpan(start_us, end_us, mode) for (start_us, mode), end_us in zip(self._modes, ends, strict=True)]
-
-
-def innovation_of(core: Ekf3Core, kind: str) -> float:
-    """Return the length of the innovation of a sample whose test is just being told."""
-    if kind == "pose":
-        return math.hypot(*core.fusion.innovations.pos[:2].tolist())
-    if kind == "height":
-        return abs(float(core.fusion.innovations.pos[2]))
-    if kind == "yaw":
-        return math.degrees(abs(core.yaw.innovation))
-    if kind == "odometry":
-        odometry = core.odometry.report()
-        return 0.0 if odometry is None else math.hypot(*odometry.innovation)
-    # The filter keeps the innovations of velocities that it fuses; they are wanted of those that it rejects, too.
-    velocity = core.delayed.velocity
-    axes = 3 if core.sources.uses_vel_z(SourceZ.EXTNAV) else 2
-    if velocity is None:
-        return 0.0
-    difference = (core.state.vel - velocity.vel)[:axes]
-    return math.sqrt(difference.dot(difference))  # as numpy's norm, in a third of the time

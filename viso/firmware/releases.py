@@ -10,9 +10,9 @@ from typing import Final
 from ap_core.log_structure import LogStructure
 from ap_visualodom import release as visual_odom
 from ap_visualodom.release import VisualOdomRelease
-from ekf_stub.filter import release as filters
-from ekf_stub.filter.release import FilterRelease
+from ekf_stub import release as filters
 from ekf_stub.log.replay_log import EKF2_BEFORE_EKF3, EKF3_BEFORE_EKF2
+from ekf_stub.release import FilterRelease
 from mav_handlers import release as endpoint
 from mav_handlers.params.names import SYSID_NAMES
 from mav_handlers.release import EndpointRelease

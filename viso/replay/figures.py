@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from ap_core.verdict import Outcome
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.filter.inertial import Array
-from ekf_stub.fusion.aiding import AidingMode
-from ekf_stub.fusion.body_odometry import GATE_SIGMAS
+from ekf_stub.core.odometry import GATE_SIGMAS
+from ekf_stub.inputs.inertial import Array
+from ekf_stub.reports.aiding_mode import AidingMode
 from viso.companion.faults.poses import VISION_NAMES
 from viso.companion.trials.evaluation import EvaluationError, TimedPoses, absolute_error
 from viso.fates.labels import Fate, FilterCounts, fate_of, final_counts
@@ -173,7 +173,7 @@ class Judge:
             watch.listeners.append(self._take_test)
 
     def _take_test(self, test: SampleTest) -> None:
-        time_us, (kind, _, _, ratio), innovation = test
+        time_us, (kind, _, _, ratio, _), innovation = test
         if ratio is None or innovation is None or not math.isfinite(ratio):
             return
         sigmas = ratio * self._gate_of(kind)
@@ -194,10 +194,11 @@ class Judge:
 
     def _note_place(self) -> None:
         vehicle = self._vehicle
-        core = vehicle.ahrs.core if vehicle is not None and isinstance(vehicle.ahrs, Ekf3Ahrs) else None
-        if vehicle is not None and core is not None and core.initialised and core.aiding.mode is not AidingMode.NONE:
-            north, east, down = core.position().tolist()
-            self._places[vehicle.clock.micros64()] = north, east, down
+        ahrs = None if vehicle is None else vehicle.ahrs
+        if vehicle is None or not isinstance(ahrs, Ekf3Ahrs) or ahrs.core is None:
+            return
+        if ahrs.aiding_mode() is not AidingMode.NONE:
+            self._places[vehicle.clock.micros64()] = ahrs.core.position()
 
     def row(self, outcome: ReplayOutcome) -> Row:
         """Return the figures of a replay that is over, one a column of ``OBJECTIVES``, and ``BY_TIME``."""

@@ -8,8 +8,8 @@ A quaternion turns vectors from the body (FRD) to the earth (NED).
 import math
 from collections.abc import Iterable
 
-from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
+from viso.geometry import quaternions as quaternion
 from viso.sensors.vectors import Three
 
 

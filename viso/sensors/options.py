@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
+from viso.geometry import quaternions as quaternion
 from viso.sensors.errors import NO_ERRORS, ErrorModel, SensorErrors
 from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 

@@ -7,8 +7,8 @@ The reference reads both ten times per second, and its filter sees a reading in 
 
 from typing import Final
 
-from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
+from viso.geometry import quaternions as quaternion
 from viso.sensors.attitude import rotate_to_body
 from viso.sensors.errors import to_single
 

@@ -3,6 +3,3 @@
 """What each process of a sweep needs, loaded as this is imported: once, by the server that forks them."""
 
 from viso.sweep import job as job
-from viso.vehicle.kernels import chosen_kernel, kernel_of
-
-kernel_of(chosen_kernel())

@@ -14,7 +14,6 @@ from typing import Final
 
 from viso.sweep.job import Result, run_point
 from viso.sweep.plan import Point, SweepPlan
-from viso.vehicle.kernels import chosen_kernel, finder_of, kernel_of
 
 KILLED: Final = "its process ended without a word (killed, or out of memory)"
 
@@ -35,7 +34,6 @@ def run_in_processes(plan: SweepPlan, points: Iterable[Point], jobs: int) -> Gen
     When a process dies, the points that it may have been at work on are tried once more, each in a process of its own.
     Closing the iterator ends what is at work.
     """
-    finder_of(chosen_kernel())  # or an error, before there are processes
     waiting = iter(points)
     while True:
         lost: list[Point] = []
@@ -90,7 +88,6 @@ def _fill(
 def _context() -> multiprocessing.context.BaseContext:
     # A fork of this process would share its threads' locks. The server forks ones that have loaded what it takes.
     if "forkserver" not in multiprocessing.get_all_start_methods():
-        kernel_of(chosen_kernel())  # what there is to compile is compiled once, and not by each process
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["viso.sweep.loaded"])

@@ -10,7 +10,7 @@ import json
 from enum import StrEnum
 from typing import Final
 
-from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
 from viso.fates.labels import Fate, as_dict, fate_of, is_final, is_model, sentence
 from viso.terminal.line_writer import LineWriter

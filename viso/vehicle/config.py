@@ -20,7 +20,6 @@ from viso.sensors.flown.source import RecordedSource
 from viso.sensors.options import ImuOptions
 from viso.sensors.standing import BenchSource
 from viso.sensors.stream.follow import FollowSource
-from viso.vehicle.kernels import chosen_kernel, finder_of
 
 
 def by_ekf3(
@@ -37,8 +36,7 @@ def by_ekf3(
     def make(parts: AhrsParts) -> AhrsBase:
         source = make_source(replace(options, has_compass=FromParams(parts.params, parts.has_compass)))
         start_us = source.flight.ahrs_start_us if isinstance(source, RecordedSource) else AHRS_START_US
-        find_kernel = finder_of(chosen_kernel())
-        ahrs = Ekf3Ahrs(parts, source, find_kernel=find_kernel, start_us=start_us, buffer_ms=buffer_ms)
+        ahrs = Ekf3Ahrs(parts, source, start_us=start_us, buffer_ms=buffer_ms)
         if isinstance(source, FollowSource):
             ahrs.on_pose = source.take_pose
         return ahrs

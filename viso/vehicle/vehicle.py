@@ -22,8 +22,8 @@ from ap_core.param_cache import FromParams
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
+from ekf_stub.core.params import EkfSources
 from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ekf_log_structure import XKF1
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
@@ -133,7 +133,8 @@ class Vehicle:
         self.logs = self._make_log_library()
         self.texts = StatusTextQueue(self.clock.micros64)
         self.texts.on_text.append(lambda _severity, text: self.log.text(text[:TEXT_FIELD_LEN]))
-        self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append)
+        self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"))
+        self.params.on_change.append(self.sources.forget)
         logs_replay = FromParams(self.params, lambda: self.params.get_int("LOG_REPLAY") != 0)
         self._replay_log = ReplayLog(
             self.logger, lambda: logs_replay() and self.logger.takes(RFRH), event_order=config.firmware.event_order
@@ -154,7 +155,7 @@ class Vehicle:
             visual_odom_enabled=lambda: self.visual_odom.enabled(),
             on_yaw_reset=lambda: self.log.event(EV_EKF_YAW_RESET),
             on_primary=lambda core: self.copter.note_primary(core),
-            flying_ms=lambda: self.copter.landing.flying_ms(),
+            flying_since_us=lambda: self.copter.landing.flying_since_us(),
             home=lambda: self.copter.home.place,
             release=config.firmware.ekf,
             ranges=self.ranges.state,

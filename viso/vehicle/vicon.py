@@ -12,8 +12,6 @@ from typing import Final
 
 from ap_core.clock import NEVER
 from ap_core.param_group import ParamGroup
-from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.attitude import euler_of
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import (
     HEARTBEAT,
@@ -24,6 +22,8 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from viso.geometry import quaternions as quaternion
+from viso.geometry.attitude import euler_of
 from viso.sensors.attitude import quat_of_rpy, rotate_to_body
 from viso.sensors.flying.source import FlyingSource
 from viso.sensors.vectors import Three, added, turned

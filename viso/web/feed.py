@@ -11,10 +11,10 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_visualodom.log_structure import VISP, VISV
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.links.base import Link
-from viso.fates.watch import SampleTest, innovation_of
+from viso.fates.watch import SampleTest
 from viso.vehicle.copter.modes import MODES
 from viso.vehicle.vehicle import Vehicle
 from viso.web.bounded import BoundedQueue
@@ -69,12 +69,7 @@ class Feed:
 
     def take_outcome(self, now_us: int, outcome: FilterOutcome) -> None:
         """Note what the filter did with a sample, at a time in us since boot."""
-        innovation = None
-        if outcome.ratio is not None and self._vehicle is not None:
-            ahrs = self._vehicle.ahrs
-            if isinstance(ahrs, Ekf3Ahrs) and ahrs.core is not None:
-                innovation = innovation_of(ahrs.core, outcome.kind)
-        self.seen.put(lambda state: state.take_sample(SampleTest(now_us, outcome, innovation)))
+        self.seen.put(lambda state: state.take_sample(SampleTest(now_us, outcome, outcome.innovation)))
 
     def take_news(self, link: str, news: str) -> None:
         """Note who comes and goes on a link, or what fails on it."""
@@ -140,4 +135,4 @@ def _aiding_of(vehicle: Vehicle) -> str | None:
     ahrs = vehicle.ahrs
     if not isinstance(ahrs, Ekf3Ahrs) or ahrs.core is None or not ahrs.core.initialised:
         return None
-    return ahrs.core.aiding.mode.value
+    return ahrs.aiding_mode().value

@@ -18,7 +18,6 @@ from tests.places import DATA
 from viso.ekf_runs import targets as ekf_targets
 from viso.ekf_runs.run import EkfReplay, EkfRun
 from viso.logs.recorded import read_log
-from viso.vehicle.kernels import KERNEL_VARIABLE
 
 LOGS: Final = DATA / "logs"
 SAME_TIME_S: Final = 0.25
@@ -131,7 +130,7 @@ class Recording:
 
 
 class Recordings:
-    """Runs the filter over recorded logs: once for each and each kernel, however many processes test.
+    """Runs the filter over recorded logs: once for each, however many processes test.
 
     Args:
         folder: where what comes of it is kept; of all processes of this run.
@@ -162,7 +161,7 @@ class Recordings:
         return replay
 
     def _ours(self, name: str) -> Path:
-        return self._folder / f"{name}-{os.environ[KERNEL_VARIABLE]}.BIN"
+        return self._folder / f"{name}.BIN"
 
     def __call__(self, name: str) -> Recording:
         """Return both logs."""

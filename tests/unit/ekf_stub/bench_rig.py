@@ -17,11 +17,11 @@ from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.parts import AhrsParts
-from ekf_stub.core.ekf3_core import Ekf3Core
-from ekf_stub.filter.states import GYRO
+from ekf_stub.core.core import Core
+from ekf_stub.core.covariance import ACCEL, GYRO
+from ekf_stub.core.params import EkfSources
 from ekf_stub.inputs.gps_sample import USUAL_LAG_S, GpsSample
 from ekf_stub.inputs.range_state import RangeState
-from ekf_stub.inputs.sources import EkfSources
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
 from ekf_stub.reports.core_report import CoreReport
@@ -55,7 +55,7 @@ class BenchRig:
         records: name and values of what was logged for a replay, while ``is_logged``.
         place: where it stands.
         gps: the GPS's newest solution.
-        armed, flying_ms, home: what they say.
+        armed, flying_since_us, home: what they say.
         has_camera: whether there is visual odometry.
         camera_pos: the place of the camera on the vehicle, m, body.
     """
@@ -77,12 +77,13 @@ class BenchRig:
         self.place = HOME
         self.gps: GpsSample | None = None
         self.armed = False
-        self.flying_ms = 0
+        self.flying_since_us: int | None = None
         self.home: Location | None = None
         self.has_camera = True
         self.ranges: RangeState | None = None
         self.camera_pos = Vector3f()
-        self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"), self.params.on_change.append)
+        self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"))
+        self.params.on_change.append(self.sources.forget)
         source = BenchSource(replace(options, has_compass=lambda: has_compass))
         self.ahrs = Ekf3Ahrs(
             AhrsParts(
@@ -98,7 +99,7 @@ class BenchRig:
                 visual_odom_enabled=lambda: self.has_camera,
                 on_yaw_reset=lambda: self.yaw_resets.append(self.now_ms),
                 on_primary=self.primaries.append,
-                flying_ms=lambda: self.flying_ms,
+                flying_since_us=lambda: self.flying_since_us,
                 home=lambda: self.home,
                 ranges=lambda: self.ranges,
             ),
@@ -145,10 +146,10 @@ class BenchRig:
 
     def know_gyros(self) -> None:
         """Let the gyros' biases be known as well as they are long after boot."""
-        self.core.state.clear(GYRO, 1e-10)
+        self.core.state.clear(GYRO, ACCEL, 1e-10)
 
     @property
-    def core(self) -> Ekf3Core:
+    def core(self) -> Core:
         """The filter, once it has been set up."""
         assert self.ahrs.core is not None
         return self.ahrs.core

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What makes parts of a filter, cores, and parked vehicles with one; each lasts no longer than its test."""
+"""What makes parked vehicles with a filter; each lasts no longer than its test."""
 
 import math
 from collections.abc import Callable
@@ -8,48 +8,10 @@ from functools import cache
 
 import pytest
 
-from ekf_stub.filter.release import REFERENCE, FilterRelease
 from tests.copies import Copies
 from tests.unit.ekf_stub.bench_rig import BenchRig
-from tests.unit.ekf_stub.core_rig import CoreRig
-from tests.unit.ekf_stub.filter_parts import FilterParts
 from viso.sensors.errors import NO_ERRORS, SensorErrors
 from viso.sensors.options import ImuOptions
-
-
-@pytest.fixture(scope="session")
-def make_parts() -> Callable[..., FilterParts]:
-    """Return a function that makes the parts of a filter from its sources, and parameters without ``EK3_``."""
-
-    def make(sources: str = "66666", **params: float) -> FilterParts:
-        return FilterParts(sources, params)
-
-    return make
-
-
-@pytest.fixture(scope="session")
-def make_core() -> Callable[..., CoreRig]:
-    """Return a function that makes a core from its sources and parameters without ``EK3_``; it knows tilt by then."""
-
-    def make(
-        sources: str = "66666",
-        *,
-        has_compass: bool = False,
-        run_s: float = 2.6,
-        release: FilterRelease = REFERENCE,
-        **params: float,
-    ) -> CoreRig:
-        return running(sources, has_compass, run_s, release, **params).make()
-
-    @cache
-    def running(
-        sources: str, has_compass: bool, run_s: float, release: FilterRelease, **params: float
-    ) -> Copies[CoreRig]:
-        rig = CoreRig(sources, has_compass, params, release)
-        rig.run_for(run_s)
-        return Copies(rig)
-
-    return make
 
 
 @pytest.fixture(scope="session")

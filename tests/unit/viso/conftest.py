@@ -40,19 +40,12 @@ from viso.terminal import console
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.flow import MavlinkFlow
-from viso.vehicle.kernels import KERNEL_VARIABLE, NUMBA
 from viso.vehicle.ranges import MavlinkRanges
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 
 BOOTED_US = 6_000_000
 BOOTING_PERIOD_US = 10_000
 """Of the main loop until then: as seldom as the sensors allow."""
-
-
-@pytest.fixture
-def compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have filters compute by compiled functions, which say what the plain ones say and take two thirds of the time."""
-    monkeypatch.setenv(KERNEL_VARIABLE, NUMBA)
 
 
 MakeAhrs = Callable[[AhrsParts], AhrsBase]

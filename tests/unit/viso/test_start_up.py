@@ -16,7 +16,7 @@ from tools.bench.odometry import odometry_at
 from viso.cli import COMMANDS
 
 HEAVY: Final = {
-    *("scipy", "numba", "matplotlib", "cv2", "gtsam", "pandas", "pyarrow", "distributed", "filterpy", "rosbags"),
+    *("scipy", "matplotlib", "cv2", "gtsam", "pandas", "pyarrow", "distributed", "filterpy", "rosbags"),
     *("starlette", "uvicorn", "pymap3d", "pyModeS", "evo", "asyncio"),
     *("pymavlink.mavutil", "pymavlink.dialects.v10.all", "pymavlink.dialects.v20.development", "rich.progress"),
     "quaternion",

@@ -26,7 +26,6 @@ EXTRAS = (
     "pyarrow",
     "distributed",
     "quaternion",
-    "numba",
     "scipy",
     "cyclonedds",
 )

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from ap_core.verdict import Outcome
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.aiding_mode import AidingMode
 from viso.doctor.evidence import Evidence
 from viso.doctor.lags import lateness_ms, tells_lags
 from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, Witness, source_name

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from ap_core.verdict import Outcome
-from ekf_stub.fusion.aiding import AidingMode
 from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
+from ekf_stub.reports.aiding_mode import AidingMode
 from viso.doctor.evidence import EXTNAV, Evidence
 from viso.doctor.findings import Severity, Sighting, error, note, vehicle_note, warning
 from viso.doctor.measures.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY, YAW, OwnFilter, Witness

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.ahrs.source_check import ALLOWED
 from ekf_stub.inputs.ingest_rules import NO_BUFFER
-from ekf_stub.inputs.source_check import ALLOWED
 from ekf_stub.inputs.sources import SourceXY
+from ekf_stub.reports.aiding_mode import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence import EXTNAV, SOURCE_NAMES, Evidence
 from viso.doctor.findings import Severity, Sighting, note, vehicle_error, vehicle_note, vehicle_warning

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
 from viso.logs.recorded import valid_positions
 from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
 from viso.sensors.flown.flight import PASS_US, REST_S, Basis, Flight, Ints, chosen, growing, imu_of, parameters

@@ -12,8 +12,7 @@ from typing import Final
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.filter.inertial import Array
-from ekf_stub.inputs.imus import MAX_IMUS
+from ekf_stub.inputs.inertial import MAX_IMUS, Array
 from ekf_stub.log.replay_log import TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED
 from viso.logs.recorded import valid_positions
 from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
@@ -86,7 +85,8 @@ def _expected(log: LogColumns, ends: Ints) -> Readings[tuple[bool, bool]] | None
     flags, begins = chosen(log, "RFRN", ["Flags"])
     if not len(flags):
         return None
-    expected = [(value & TAKEOFF_EXPECTED > 0, value & TOUCHDOWN_EXPECTED > 0) for value in flags[:, 0].astype(int)]
+    values = flags[:, 0].astype(int).tolist()
+    expected = [(value & TAKEOFF_EXPECTED > 0, value & TOUCHDOWN_EXPECTED > 0) for value in values]
     return readings(expected, begins, ends)
 
 

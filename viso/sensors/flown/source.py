@@ -11,14 +11,12 @@ import numpy as np
 
 from ap_core.clock import NEVER
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.inertial import Array, InertialDelta, are_usable, quat_of_rotation, rotation_of_quat
+from ekf_stub.core.vectors import ONE, ZERO, add, conjugate, rotated, rotation_vector, times, turned
 from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.imus import ImuReading
+from ekf_stub.inputs.inertial import Array, ImuReading, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.logs.recorded import read_columns
-from viso.sensors.attitude import rotate_to_body
 from viso.sensors.errors import to_single
 from viso.sensors.flown.estimates import estimates
 from viso.sensors.flown.events import events_of
@@ -75,7 +73,7 @@ class RecordedSource(UnmovedSource):
         told = flight.baro, flight.mag, flight.declination, flight.gps, flight.expected
         newest = np.array([one.newest for one in told if one is not None])
         has_no_reading = (np.diff(newest, axis=1, prepend=-2) == 0).all(axis=0)
-        self._alike: list[bool] = (are_usable(flight.deltas) & has_no_reading).tolist()
+        self._alike: list[bool] = has_no_reading.tolist()
 
     def sense(self, now_us: int) -> Sensors | None:
         """Return what the sensors said since the last pass, or None if the log has nothing."""
@@ -161,12 +159,12 @@ def _sum_of(deltas: Array) -> InertialDelta:
     if len(deltas) == 1:
         (numbers,) = deltas
         return InertialDelta(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
-    turned, del_vel = quaternion.one, np.zeros(3)
-    for delta in deltas:
-        turn = quat_of_rotation(delta[3:6])
-        turned, del_vel = turned * turn, rotate_to_body(turn, del_vel) + delta[:3]
+    attitude, del_vel = ONE, ZERO
+    for vx, vy, vz, x, y, z, *_ in deltas.tolist():
+        turn = turned(ONE, (x, y, z))
+        attitude, del_vel = times(attitude, turn), add(rotated(conjugate(turn), del_vel), (vx, vy, vz))
     vel_dt, ang_dt = to_single(deltas[:, 6:].sum(axis=0))
-    return InertialDelta(to_single(del_vel), to_single(rotation_of_quat(turned)), float(vel_dt), float(ang_dt))
+    return InertialDelta(to_single(del_vel), to_single(rotation_vector(attitude)), float(vel_dt), float(ang_dt))
 
 
 def read_recorded_source(argument: str) -> Callable[[ImuOptions], RecordedSource]:

@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.attitude import euler_of
-from ekf_stub.filter.inertial import GRAVITY_MSS, Array
+from ekf_stub.inputs.inertial import GRAVITY_MSS, Array
 from ekf_stub.inputs.sensors import Sensors
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
+from viso.geometry import quaternions as quaternion
+from viso.geometry.attitude import euler_of
 from viso.sensors.attitude import halfway, rotate_to_body, rotation_between
 from viso.sensors.errors import exact_delta, to_single
 from viso.sensors.hil.readings import MessageTime, RelativeHeight, isa_height_m

@@ -8,9 +8,9 @@ from typing import Final
 from ap_core.cint import i32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.attitude import euler_of
 from ekf_stub.inputs.sensors import Sensors
+from viso.geometry import quaternions as quaternion
+from viso.geometry.attitude import euler_of
 from viso.sensors.errors import exact_delta
 from viso.sensors.options import ImuOptions, UnmovedSource
 from viso.sensors.standing import LONGEST_US, NOMINAL_US, SHORTEST_US

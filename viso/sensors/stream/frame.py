@@ -6,8 +6,8 @@ import math
 from collections import Counter
 from typing import Final, NamedTuple
 
-from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.attitude import euler_of
+from viso.geometry import quaternions as quaternion
+from viso.geometry.attitude import euler_of
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.stream.imagined_vehicle import Movement
 from viso.sensors.vectors import ZERO, Three, added, turned

@@ -4,9 +4,9 @@
 
 from typing import Final, NamedTuple
 
-from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.attitude import euler_of
-from ekf_stub.filter.inertial import GRAVITY_MSS
+from ekf_stub.inputs.inertial import GRAVITY_MSS
+from viso.geometry import quaternions as quaternion
+from viso.geometry.attitude import euler_of
 from viso.sensors.attitude import quat_of_rpy, rotation_between
 from viso.sensors.vectors import ZERO, Three
 

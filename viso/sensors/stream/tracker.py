@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.filter import quaternions as quaternion
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
+from viso.geometry import quaternions as quaternion
 from viso.sensors.attitude import rotation_between
 from viso.sensors.stream.imagined_vehicle import MAX_ACCEL, Movement
 from viso.sensors.vectors import Three, added, limited_length, scaled

@@ -70,9 +70,9 @@ class Landing:
         self.is_told = False
         self.grounded_us: Callable[[], int | None] | None = None
 
-    def flying_ms(self) -> int:
-        """Return for how long the vehicle has been flying, 0 on the ground (AP_Vehicle::get_time_flying_ms)."""
-        return 0 if self.landed else (self._clock.micros64() - self._flying_since_us) // 1000
+    def flying_since_us(self) -> int | None:
+        """Return since when the vehicle has been flying, None on the ground (AP_Vehicle::get_time_flying_ms)."""
+        return None if self.landed else self._flying_since_us
 
     def _down_m(self) -> float:
         position = self._ahrs.get_relative_position_NED_origin_float()

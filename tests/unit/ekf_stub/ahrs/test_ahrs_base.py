@@ -14,7 +14,8 @@ from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
-from ekf_stub.inputs.sources import EkfSources, SourceYaw
+from ekf_stub.core.params import EkfSources
+from ekf_stub.inputs.sources import SourceYaw
 from ekf_stub.log.ext_nav_log import ExtNavLog, VisualOdomFrame
 
 START_US = 1_000_000
@@ -30,8 +31,8 @@ class Rig:
         self.yaw_source = SourceYaw.COMPASS
         self.records: list[tuple[str, tuple[LogValue, ...]]] = []
         self.log = ExtNavLog(self, lambda: True)
-        sources = EkfSources(lambda name: self.yaw_source if name.endswith("YAW") else 0)
-        self.ahrs = AhrsBase(self.clock, sources, self.log, start_us=START_US)
+        self.sources = EkfSources(lambda name: self.yaw_source if name.endswith("YAW") else 0)
+        self.ahrs = AhrsBase(self.clock, self.sources, self.log, start_us=START_US)
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         self.records.append((structure.name, tuple(values)))
@@ -79,6 +80,7 @@ def test_yaw_comes_from_external_navigation_by_the_active_source(rig: Rig) -> No
     ahrs = rig.at_ms(2000)
     assert not ahrs.using_extnav_for_yaw()
     rig.yaw_source = SourceYaw.EXTNAV
+    rig.sources.forget()
     assert ahrs.using_extnav_for_yaw()
 
 

@@ -122,12 +122,12 @@ def test_compass_aligns_yaw_and_the_vehicle_is_told(make_bench: MakeBench) -> No
 
 def test_frame_without_sensor_data_is_skipped(make_bench: MakeBench) -> None:
     bench = make_bench(run_s=6)
-    horizon_ms = bench.core.ingest.horizon_ms
+    horizon_ms = bench.core.ext_nav.horizon_ms
     for _ in range(20):
         bench.ahrs.update(VisualOdomFrame(Vector3f(), 10, True, True))
-    assert bench.core.ingest.horizon_ms == horizon_ms
+    assert bench.core.ext_nav.horizon_ms == horizon_ms
     bench.run_for(0.02)
-    assert bench.core.ingest.horizon_ms > horizon_ms
+    assert bench.core.ext_nav.horizon_ms > horizon_ms
 
 
 # The worked example in short: poses and velocities, silence, and poses from elsewhere

@@ -8,9 +8,8 @@ from collections.abc import Callable
 import pytest
 
 from ekf_stub.ahrs.cores import Cores
-from ekf_stub.core.frame import Frame
-from ekf_stub.filter.attitude import quat_of_euler
-from ekf_stub.inputs.flow_ingest import FlowMeasurement
+from ekf_stub.core.vectors import quat_of_euler
+from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from viso.sensors.errors import SensorErrors
@@ -33,9 +32,9 @@ def cores_of(bench: BenchRig) -> Cores:
 
 def let_first_be_bad(bench: BenchRig) -> None:
     first, second = cores_of(bench).lanes.cores
-    first.fusion.innovations.height_ratio, second.fusion.innovations.height_ratio = 2.0, 0.1
+    first.vel_pos.height_ratio, second.vel_pos.height_ratio = 2.0, 0.1
     for core in (first, second):
-        core.yaw.aligned = core.control.tilt_aligned = True
+        core.yaw.aligned = core.tilt_aligned = True
     bench.ahrs.check_lane_switch()
 
 
@@ -46,7 +45,7 @@ def test_cores_that_are_given_the_same_share_a_filter(make_bench: MakeBench) -> 
 
 def test_each_core_has_a_state_and_texts_of_its_own(bench: BenchRig) -> None:
     first, second = cores_of(bench).lanes.cores
-    assert first.state.vel.tolist() != second.state.vel.tolist()
+    assert first.state.vel != second.state.vel
     assert [bench.said().count(f"EKF3 IMU{imu} initialised") for imu in (0, 1)] == [1, 1]
     assert bench.said().count("AHRS: EKF3 active") == 1
 
@@ -61,7 +60,7 @@ def test_sample_goes_to_all_cores_and_counts_once(bench: BenchRig) -> None:
     before = bench.ahrs.ext_nav_counts["pose", "taken"]
     bench.pose()
     assert bench.ahrs.ext_nav_counts["pose", "taken"] == before + 1
-    assert all(core.ingest.pose_stamp_ms == bench.now_ms for core in cores_of(bench).lanes.cores)
+    assert all(core.ext_nav.pose_stamp_ms == bench.now_ms for core in cores_of(bench).lanes.cores)
 
 
 def test_inputs_of_all_imus_are_logged(bench: BenchRig) -> None:
@@ -83,7 +82,7 @@ def test_better_core_takes_over_and_the_vehicle_is_told(bench: BenchRig) -> None
 def test_all_that_is_told_is_the_primary_cores(bench: BenchRig) -> None:
     let_first_be_bad(bench)
     second = cores_of(bench).lanes.cores[1]
-    second.output.now.vel[:] = 3.0, 2.0, 1.0
+    second.output.now.vel = 3.0, 2.0, 1.0
     assert bench.velocity == (3.0, 2.0, 1.0)
     assert bench.report.vel_ned == (3.0, 2.0, 1.0)
     heard: list[str] = []
@@ -111,9 +110,7 @@ def test_help_that_the_vehicle_asks_for_is_logged(bench: BenchRig) -> None:
 
 def test_core_that_is_not_well_keeps_the_vehicle_from_arming(bench: BenchRig) -> None:
     _, second = cores_of(bench).lanes.cores
-
-    second.fusion.innovations.vel_ratio = second.fusion.innovations.pos_ratio = 2.0
-    second.fusion.innovations.height_ratio = 2.0
+    second.vel_pos.vel_ratio = second.vel_pos.pos_ratio = second.vel_pos.height_ratio = 2.0
     assert bench.ahrs.healthy()
     assert bench.ahrs.pre_arm_failure(False) == "EKF3 still initialising"
 
@@ -125,11 +122,10 @@ def test_core_that_is_not_well_keeps_the_vehicle_from_arming(bench: BenchRig) ->
     ((0.0, 0.0, -23.5), "EKF3 Yaw inconsistent 23 deg. Wait or reboot"),
 ])  # fmt: skip
 def test_cores_that_disagree_keep_the_vehicle_from_arming(
-    bench: BenchRig, monkeypatch: pytest.MonkeyPatch, rpy_deg: tuple[float, float, float], failure: str | None
+    bench: BenchRig, rpy_deg: tuple[float, float, float], failure: str | None
 ) -> None:
     for core, angles_deg in zip(cores_of(bench).lanes.cores, ((0.0, 0.0, 0.0), rpy_deg), strict=True):
-        quat = quat_of_euler(*map(math.radians, angles_deg))
-        monkeypatch.setattr(core.output, "now", core.output.now._replace(quat=quat))
+        core.output.now.quat = quat_of_euler(*map(math.radians, angles_deg))
     assert cores_of(bench).disagreement(checks_yaw=True) == failure
     assert cores_of(bench).disagreement(checks_yaw=False) == (failure if rpy_deg[1] else None)
 
@@ -138,44 +134,64 @@ def test_cores_that_disagree_keep_the_vehicle_from_arming(
 
 
 @pytest.fixture
-def frames(bench: BenchRig, monkeypatch: pytest.MonkeyPatch) -> list[list[Frame]]:
-    """Put the second IMU elsewhere, and return the frames that each core is given from then on."""
+def apart(bench: BenchRig) -> BenchRig:
+    """Return the vehicle with the second IMU elsewhere."""
     bench.params.set("INS_POS2_X", 1.0)
-    frames: list[list[Frame]] = []
-    for core in cores_of(bench).lanes.cores:
-        frames.append([])
-        monkeypatch.setattr(core, "run", frames[-1].append)
-    return frames
+    return bench
 
 
-def test_camera_at_the_first_imu_has_a_lever_arm_from_the_second(bench: BenchRig, frames: list[list[Frame]]) -> None:
-    bench.run_for(0.01)
-    assert [of_core[-1].lever_arm for of_core in frames] == [(0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)]
+def test_camera_at_the_first_imu_has_a_lever_arm_from_the_second(apart: BenchRig) -> None:
+    apart.run_for(0.01)
+    assert [core.inputs.lever_arm for core in cores_of(apart).lanes.cores] == [(0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)]
 
 
-def test_range_finders_stand_where_each_core_sees_them(bench: BenchRig, frames: list[list[Frame]]) -> None:
-    bench.ranges = RangeState((FinderState((0.5, 0.0, 0.25), 2.0, DOWNWARD, RangeStatus.GOOD),), 0.125, 30.0)
-    bench.run_for(0.01)
-    ranges = [of_core[-1].ranges for of_core in frames]
+def test_range_finders_stand_where_each_core_sees_them(apart: BenchRig) -> None:
+    apart.ranges = RangeState((FinderState((0.5, 0.0, 0.25), 2.0, DOWNWARD, RangeStatus.GOOD),), 0.125, 30.0)
+    apart.run_for(0.01)
+    ranges = [core.inputs.ranges for core in cores_of(apart).lanes.cores]
     assert [said and said.finders[0].place_frd for said in ranges] == [(0.5, 0.0, 0.25), (-0.5, 0.0, 0.25)]
-    assert ranges[1] is frames[1][-2].ranges
+    apart.run_for(0.01)
+    assert cores_of(apart).lanes.cores[1].inputs.ranges is ranges[1]
 
 
-def test_flow_is_handed_on_with_its_place_from_each_imu(bench: BenchRig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_flow_is_handed_on_with_its_place_from_each_imu(make_bench: MakeBench) -> None:
+    bench = make_bench("66666", errors=DIFFERING, run_s=5.6, FLOW_TYPE=5)
     bench.params.set("INS_POS2_X", 1.0)
-    taken: list[FlowMeasurement] = []
-    for core in cores_of(bench).lanes.cores:
-        monkeypatch.setattr(core, "write_flow", taken.append)
     bench.ahrs.write_flow(FlowMeasurement(180, (0.25, -0.5), (0.125, 0.0), (0.5, 0.0, 0.25)), bench.now_ms)
-    assert [flow.offset for flow in taken] == [(0.5, 0.0, 0.25), (-0.5, 0.0, 0.25)]
+    taken = [core.flow_reading.recall(bench.now_ms) for core in cores_of(bench).lanes.cores]
+    assert [flow and flow.offset for flow in taken] == [(0.5, 0.0, 0.25), (-0.5, 0.0, 0.25)]
 
 
-def test_gps_is_moved_from_its_antenna_to_each_imu(bench: BenchRig, frames: list[list[Frame]]) -> None:
-    bench.params.set("INS_POS1_Z", 0.5)
-    bench.is_logged = True
-    bench.fix()
-    bench.run_for(0.01)
-    solutions = [of_core[-1].gps for of_core in frames]
+def test_gps_is_moved_from_its_antenna_to_each_imu(apart: BenchRig) -> None:
+    apart.params.set("INS_POS1_Z", 0.5)
+    apart.is_logged = True
+    apart.fix()
+    apart.run_for(0.01)
+    solutions = [core.inputs.gps for core in cores_of(apart).lanes.cores]
     assert [said and said.antenna for said in solutions] == [(0.0, 0.0, -0.5), (-1.0, 0.0, 0.0)]
-    assert solutions == [of_core[-2].gps for of_core in frames]
-    assert dict(bench.records)["RGPI"][:3] == (0.0, 0.0, 0.0)
+    apart.run_for(0.01)
+    assert [core.inputs.gps for core in cores_of(apart).lanes.cores] == solutions
+    assert dict(apart.records)["RGPI"][:3] == (0.0, 0.0, 0.0)
+
+
+# What they say
+
+
+def test_lines_of_a_pass_are_kept_together_by_core(make_bench: MakeBench) -> None:
+    # GIVEN a filter that stands for two cores
+    bench = make_bench("66666", run_s=6.0)
+    # WHEN it has several things to say at once
+    bench.stream(6.5, lambda: bench.pose(1.0, 2.0, -0.5))
+    started = bench.when("is using external nav data")
+    # THEN each core says all of it, one after the other
+    said = [(severity, text) for time_ms, severity, text in bench.texts if time_ms == started]
+    words = ["is using external nav data", "initial pos NED = 1.0,2.0,-0.5 (m)"]
+    assert said == [(6, f"EKF3 IMU{imu} {line}") for imu in (0, 1) for line in words]
+
+
+def test_origin_that_is_set_again_is_told_of_once(bench: BenchRig) -> None:
+    assert bench.ahrs.set_origin(bench.place)
+    cores_of(bench).lanes.set_origin(bench.place)
+    cores_of(bench).tell_texts()
+    assert bench.said()[-3:] == ["EKF3 IMU0 origin set", "EKF3 IMU1 origin set", "EKF3: origin already set"]
+    assert bench.texts[-1][1] == 4

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from ekf_stub.core.frame import Frame
-from ekf_stub.inputs.flow_ingest import FlowMeasurement
+from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
 
 if TYPE_CHECKING:
@@ -28,44 +27,40 @@ def bench(make_bench: MakeBench) -> "BenchRig":
     return make_bench("05101", has_compass=True, FLOW_TYPE=5, INS_POS1_X=0.125)
 
 
-@pytest.fixture
-def frames(bench: "BenchRig", monkeypatch: pytest.MonkeyPatch) -> list[Frame]:
-    """Set the filter up, and return the frames that it is given from then on."""
+def test_range_finders_stand_where_they_are_seen_from_the_imu(bench: "BenchRig") -> None:
     bench.run_to(SET_UP_S)
-    frames: list[Frame] = []
-    monkeypatch.setattr(bench.core, "run", frames.append)
-    return frames
-
-
-def test_range_finders_stand_where_they_are_seen_from_the_imu(bench: "BenchRig", frames: list[Frame]) -> None:
     bench.ranges = RANGES
     bench.run_for(0.01)
-    ranges = frames[-1].ranges
+    ranges = bench.core.inputs.ranges
+    assert ranges is not None
     assert ranges == RANGES._replace(
         finders=tuple(one._replace(place_frd=(0.375, 0.0, 0.25)) for one in RANGES.finders)
     )
     assert [finder.is_usable for finder in ranges.finders] == [True, False, False]
-    assert frames[-1].ranges is frames[-2].ranges
+    bench.run_for(0.01)
+    assert bench.core.inputs.ranges is ranges
     bench.params.set("INS_POS1_X", 0.25)
     bench.run_for(0.01)
-    assert frames[-1].ranges is not None
-    assert frames[-1].ranges.finders[0].place_frd == (0.25, 0.0, 0.25)
+    moved = bench.core.inputs.ranges
+    assert moved is not None
+    assert moved.finders[0].place_frd == (0.25, 0.0, 0.25)
 
 
-def test_vehicle_without_range_finders_has_none_in_its_frames(bench: "BenchRig", frames: list[Frame]) -> None:
-    bench.run_for(0.01)
-    assert frames[-1].ranges is None
-
-
-def test_flow_is_handed_on_with_its_place_from_the_imu(bench: "BenchRig", monkeypatch: pytest.MonkeyPatch) -> None:
+def test_filter_of_a_vehicle_without_range_finders_has_none(bench: "BenchRig") -> None:
     bench.run_to(SET_UP_S)
-    taken: list[FlowMeasurement] = []
-    monkeypatch.setattr(bench.core, "write_flow", taken.append)
+    assert bench.core.inputs.ranges is None
+
+
+def test_flow_is_handed_on_with_its_place_from_the_imu(bench: "BenchRig") -> None:
+    bench.run_to(5.6)
     bench.ahrs.write_flow(FLOW, bench.now_ms)
-    assert taken == [FLOW._replace(offset=(0.375, 0.0, 0.25))]
+    taken = bench.core.flow_reading.recall(bench.now_ms)
+    assert taken is not None
+    assert (taken.offset, taken.flow) == ((0.375, 0.0, 0.25), (-0.25, 0.5))
 
 
-def test_flow_and_ranges_are_logged_with_their_places_on_the_vehicle(bench: "BenchRig", frames: list[Frame]) -> None:
+def test_flow_and_ranges_are_logged_with_their_places_on_the_vehicle(bench: "BenchRig") -> None:
+    bench.run_to(SET_UP_S)
     bench.is_logged = True
     bench.ranges = RANGES
     bench.run_for(0.01)
@@ -76,17 +71,15 @@ def test_flow_and_ranges_are_logged_with_their_places_on_the_vehicle(bench: "Ben
     assert int(records["RFRN"][-1]) & 1 << 4
 
 
-def test_filter_and_log_hear_of_the_ground_when_that_changes(
-    bench: "BenchRig", monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bench.run_to(SET_UP_S)
-    told: list[bool] = []
-    monkeypatch.setattr(bench.core, "set_terrain_stable", lambda *, is_stable: told.append(is_stable))
+def test_filter_and_log_hear_of_the_ground_when_that_changes(bench: "BenchRig") -> None:
+    bench.run_to(5.6)
     bench.is_logged = True
     bench.run_for(0.01)
+    heard = []
     for is_stable in (False, False, True, True, False):
         bench.ahrs.set_terrain_stable(is_stable=is_stable)
-    assert told == [False, True, False]
+        heard.append(bench.core.height.terrain_is_stable)
+    assert heard == [False, False, True, True, False]
     assert [values for name, values in bench.records if name == "REV3"] == [(10,), (9,), (10,)]
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from ekf_stub.core.params import BARO
 from tests.copies import Copies
 
 if TYPE_CHECKING:
@@ -228,7 +229,7 @@ def test_height_is_kept_when_poses_end(make_bench: MakeBench) -> None:
     bench.stream(11, lambda: bench.pose(0, 0, -5))
     bench.run_to(15)
     assert bench.report.pos_ned[2] == pytest.approx(-5, abs=0.1)
-    assert bench.core.height.active == "baro"
+    assert bench.core.height.active == BARO
 
 
 # Yaws
@@ -247,7 +248,7 @@ def test_yaw_that_jumps_on_the_ground_is_followed_slowly(make_bench: MakeBench) 
 @pytest.mark.slow
 def test_yaw_that_jumps_in_flight_is_rejected_for_good(make_bench: MakeBench) -> None:
     bench = aided(make_bench, with_velocity=False)
-    bench.armed, bench.flying_ms = True, 6000
+    bench.armed, bench.flying_since_us = True, bench.clock.micros64() - 6_000_000
     bench.stream(15, lambda: bench.pose(yaw=1.57))
     assert bench.report.rpy_rad[2] == pytest.approx(0, abs=0.05)
     assert bench.report.yaw_ratio > 1

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ap_core.clock import VirtualClock
 from ap_core.log_structure import LogStructure
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
-from ekf_stub.inputs.sources import EkfSources
+from ekf_stub.core.params import EkfSources
 from ekf_stub.log.ext_nav_log import ExtNavLog
 
 Rows = list[tuple[float, ...]]

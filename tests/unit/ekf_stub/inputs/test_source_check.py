@@ -4,8 +4,9 @@
 
 import pytest
 
-from ekf_stub.inputs.source_check import SENSORS, source_failure
-from ekf_stub.inputs.sources import ROWS, EkfSources
+from ekf_stub.ahrs.source_check import SENSORS, source_failure
+from ekf_stub.core.params import EkfSources
+from ekf_stub.inputs.sources import ROWS
 
 LEGAL = {
     "POSXY": {0, 3, 4, 6},

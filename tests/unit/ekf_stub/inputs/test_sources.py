@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from ekf_stub.inputs.sources import EkfSources, SourceXY, SourceYaw, SourceZ
+from ekf_stub.core.params import EkfSources
+from ekf_stub.inputs.sources import ROWS, SourceXY, SourceYaw, SourceZ
 
 # A second set with external navigation for everything.
 SECOND = {"SRC2_POSXY": SourceXY.EXTNAV, "SRC2_POSZ": SourceZ.EXTNAV}
@@ -14,6 +15,12 @@ SECOND = {"SRC2_POSXY": SourceXY.EXTNAV, "SRC2_POSZ": SourceZ.EXTNAV}
 
 def sources(**params: int) -> EkfSources:
     return EkfSources(lambda name: params.get(name, 0))
+
+
+@pytest.mark.parametrize("what", ROWS)
+def test_row_of_a_set_is_told_by_its_name(what: str) -> None:
+    assert sources(**{f"SRC3_{what}": 6}).value(2, what) == 6
+    assert sources(**{f"SRC3_{what}": 6}).value(1, what) == 0
 
 
 def test_first_set_is_active_at_first() -> None:
@@ -26,11 +33,15 @@ def test_yaw_is_that_of_the_active_set() -> None:
     assert choice.yaw() == SourceYaw.EXTNAV
 
 
-def test_parameters_are_read_as_they_are_now() -> None:
+def test_parameters_are_read_as_they_are_first_asked_for_and_when_they_may_have_changed() -> None:
     params = {"SRC1_YAW": 1}
     choice = EkfSources(lambda name: params.get(name, 0))
     params["SRC1_YAW"] = 6
     assert choice.yaw() == SourceYaw.EXTNAV
+    params["SRC1_YAW"] = 2
+    assert choice.yaw() == SourceYaw.EXTNAV
+    choice.forget()
+    assert choice.yaw() == SourceYaw.GPS
 
 
 class Counted:
@@ -51,7 +62,9 @@ class Counted:
             listener()
 
     def sources(self) -> EkfSources:
-        return EkfSources(self.get, self.listeners.append)
+        sources = EkfSources(self.get)
+        self.listeners.append(sources.forget)
+        return sources
 
 
 def test_known_parameters_are_not_asked_for_again() -> None:

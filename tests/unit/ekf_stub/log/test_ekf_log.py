@@ -14,12 +14,12 @@ import pytest
 
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
-from ekf_stub.log.ekf_log import UNINITIALISED, EkfLog
-from ekf_stub.reports.core_report import CoreReport, GsfReport, OdometryReport, StillnessReport
+from ekf_stub.log.ekf_log import EkfLog
+from ekf_stub.log.reporting import UNINITIALISED
+from ekf_stub.reports.core_report import CoreReport, GsfReport, OdometryReport
+from tests.unit.ekf_stub.filter_rig import FilterRig, standing
 
 PERIOD_US = 99_960  # of the recorded logs
-LOOP_US = 2499
-STEP_US = 5 * LOOP_US
 STREAM = ["XKF4", "XKF1", "XKF2", "XKF3", "XKFS", "XKQ"]
 PRIMARY_STREAM = ["XKF4", "XKF1", "XKF2", "XKF3", "XKF5", "XKFS", "XKQ"]
 REPORT = replace(UNINITIALISED, faults=0)
@@ -50,10 +50,6 @@ class Rig:
         """Return the first record of a name."""
         self.stream(report, now_us)
         return next(fields for found, fields in self.records if found == name)
-
-
-def still(is_still: bool) -> CoreReport:
-    return replace(REPORT, stillness=StillnessReport(is_still, 0.1, 0.2, 0.3, 0.4))
 
 
 def odometry(recalled: int) -> CoreReport:
@@ -113,50 +109,61 @@ def test_odometry_is_written_again_after_the_filter_began_anew() -> None:
     assert [rig.stream(odometry(recalled)).count("XKFD") for recalled in (5, 1)] == [1, 1]
 
 
-def frames(rig: Rig, count: int, report: CoreReport = REPORT, start_us: int = 4_454_051) -> list[tuple[str, int, int]]:
-    """Run frames with a step in every fifth, from the one after a start; return name, time and core of the records."""
-    answer = None if report.stillness is None else report.stillness.is_still
-    for number in range(1, count + 1):
-        now_us, is_step = start_us + number * LOOP_US, number % 5 == 0
-        before = len(rig.records)
-        due = rig.log.is_due(now_us, answer, is_step=is_step)
-        rig.log.update(report, now_us, is_step=is_step)
-        assert (len(rig.records) > before) == due
+def passes(rig: Rig, vehicle: FilterRig, count: int) -> list[tuple[str, int, int]]:
+    """Run passes of a vehicle; return name, time and core of the records that came of them."""
+    rig.records.clear()
+    for _ in range(count):
+        vehicle.one_pass()
+        rig.log.log_pass(vehicle.core, vehicle.now_us)
     return [(name, fields["TimeUS"], fields["C"]) for name, fields in rig.records]
 
 
 def test_tilt_comes_in_the_first_step_after_more_than_half_a_second() -> None:
     rig = Rig(EK3_LOG_LEVEL=3)
-    times_us = [time_us for name, time_us, core in frames(rig, 1000) if name == "XKTV" and core == 0]
-    # Intervals of the recorded logs' core 0.
-    assert {after - before for before, after in pairwise(times_us)} == {512_295}
-    assert Counter(core for _, _, core in frames(Rig(), 1000)) == {0: len(times_us), 1: len(times_us)}
+    written = passes(rig, standing(), 1000)
+    times_us = [time_us for name, time_us, core in written if name == "XKTV" and core == 0]
+    # In steps of 12.5 ms, by times in ms.
+    assert {after - before for before, after in pairwise(times_us)} == {512_500}
+    assert Counter(core for name, _, core in written if name == "XKTV") == {0: len(times_us), 1: len(times_us)}
 
 
 def test_answer_about_standing_still_comes_every_200_ms_whatever_the_level() -> None:
-    written = frames(Rig(EK3_LOG_LEVEL=3), 400, still(is_still=True))
+    written = passes(Rig(EK3_LOG_LEVEL=3), standing(), 400)
     times_us = [time_us for name, time_us, core in written if name == "XKFM" and core == 0]
-    assert len(times_us) == 5
-    assert all(200_000 < after - before <= 205_000 for before, after in pairwise(times_us))
+    assert len(times_us) in (4, 5)
+    assert {after - before for before, after in pairwise(times_us)} <= {202_500, 200_000}
 
 
 def test_changed_answer_about_standing_still_comes_at_once() -> None:
-    rig = Rig()
-    frames(rig, 3, still(is_still=False))
-    frames(rig, 1, still(is_still=True), start_us=4_470_000)
+    # GIVEN a vehicle that stands still; WHEN it is turned
+    rig, vehicle = Rig(), standing()
+    assert vehicle.core.stillness.is_still
+    vehicle.yaw_rate = 0.5
+    # THEN the answer changes within less than the usual time, and both cores say so
+    before_us = vehicle.now_us
+    while vehicle.core.stillness.is_still:
+        passes(rig, vehicle, 1)
+    assert vehicle.now_us - before_us < 200_000
     answers = [(fields["C"], fields["OGNM"]) for name, fields in rig.records if name == "XKFM"]
-    assert answers == [(0, 0), (1, 0), (0, 1), (1, 1)]
+    assert answers == [(0, 0), (1, 0)]
 
 
 def test_nothing_about_standing_still_while_the_test_does_not_run() -> None:
-    assert [name for name, _, _ in frames(Rig(), 400) if name == "XKFM"] == []
+    vehicle = standing()
+    vehicle.arm()
+    vehicle.run(0.1)
+    assert [name for name, _, _ in passes(Rig(), vehicle, 100) if name == "XKFM"] == []
 
 
 def test_answer_counts_as_changed_after_a_time_without_a_test() -> None:
+    vehicle = standing()
+    vehicle.arm()
+    vehicle.run(0.01)
+    vehicle.arm(False)
     rig = Rig()
-    for number, report in enumerate((still(is_still=True), REPORT, still(is_still=True))):
-        frames(rig, 1, report, start_us=4_454_051 + number * LOOP_US)
-    assert [name for name, _ in rig.records].count("XKFM") == 4
+    while not vehicle.core.stillness.is_still:
+        passes(rig, vehicle, 1)
+    assert [fields["OGNM"] for name, fields in rig.records if name == "XKFM"] == [1, 1]
 
 
 def test_clock_that_wraps_leaves_no_gap() -> None:
@@ -272,9 +279,13 @@ def test_innovations_of_odometry() -> None:
 
 
 def test_tilt_is_written_as_a_variance() -> None:
-    rig = Rig(cores=(0,))
-    frames(rig, 5, replace(REPORT, tilt_error_rad=0.5))
-    assert rig.records == [("XKTV", {"TimeUS": 4_466_546, "C": 0, "TVS": 0.25, "TVD": 0.25})]
+    rig, vehicle = Rig(cores=(0,)), standing()
+    while not (vehicle.core.logs_tilt and rig.records):
+        passes(rig, vehicle, 1)
+    variance = pytest.approx(vehicle.core.state.predicted_tilt_var)  # as single precision has it
+    time_us = vehicle.now_us
+    tilts = [record for record in rig.records if record[0] == "XKTV"]
+    assert tilts == [("XKTV", {"TimeUS": time_us, "C": 0, "TVS": variance, "TVD": variance})]
 
 
 def test_core_without_a_state_says_so_and_nothing_else() -> None:

@@ -1,20 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every core says the same."""
+"""What the filter says, in words."""
 
 import pytest
 
-from ekf_stub.reports.core_texts import CoreTexts, cores_of_mask
-
-
-class Sink:
-    """Remembers texts."""
-
-    def __init__(self) -> None:
-        self.texts: list[tuple[int, str]] = []
-
-    def send_text(self, severity: int, text: str) -> None:
-        self.texts.append((severity, text))
+from ekf_stub.core import events
+from ekf_stub.reports.core_texts import cores_of_mask, words_of
 
 
 @pytest.mark.parametrize(("mask", "cores"), [(0, ()), (1, (0,)), (2, (1,)), (3, (0, 1)), (7, (0, 1)), (-1, (0, 1))])
@@ -22,20 +13,18 @@ def test_each_bit_of_the_mask_is_a_core_as_far_as_there_are_imus(mask: int, core
     assert cores_of_mask(mask) == cores
 
 
-def test_lines_of_a_frame_are_kept_together_by_core() -> None:
-    sink = Sink()
-    texts = CoreTexts(sink, (0, 1))
-    texts.add("one")
-    texts.add("two", 4)
-    assert sink.texts == []
-    texts.flush()
-    assert sink.texts == [(6, "EKF3 IMU0 one"), (4, "EKF3 IMU0 two"), (6, "EKF3 IMU1 one"), (4, "EKF3 IMU1 two")]
-
-
-def test_lines_are_sent_once() -> None:
-    sink = Sink()
-    texts = CoreTexts(sink, (1,))
-    texts.add("one")
-    texts.flush()
-    texts.flush()
-    assert sink.texts == [(6, "EKF3 IMU1 one")]
+@pytest.mark.parametrize(("code", "values", "severity", "words"), [
+    (events.TILT_ALIGNED, (), 6, "tilt alignment complete"),
+    (events.FORCED_RESET, (), 4, "forced reset"),
+    (events.STOPPED_AIDING, (), 4, "stopped aiding"),
+    (events.INITIAL_POS, (1.25, -0.04, 3.0), 6, "initial pos NED = 1.2,-0.0,3.0 (m)"),
+    (events.INITIAL_VEL, (1.0, 2.0, 3.0), 6, "initial vel NED = 1.0,2.0,3.0 (m/s)"),
+    (events.SWITCHING_COMPASS, (2.0, 0.0, 0.0), 6, "switching to compass 2"),
+    (events.MAG_INITIAL, (1.0, 0.0, 0.0), 6, "MAG1 initial yaw alignment complete"),
+    (events.MAG_ANOMALY, (0.0, 0.0, 0.0), 4, "MAG0 ground mag anomaly, yaw re-aligned"),
+    (events.EMERGENCY_YAW_RESET, (), 4, "emergency yaw reset"),
+    (events.LANE_SWITCH, (1.0, 0.0, 0.0), 2, "EKF3 lane switch 1"),
+    (events.ORIGIN_ALREADY_SET, (), 4, "EKF3: origin already set"),
+])  # fmt: skip
+def test_text_is_in_the_firmwares_words(code: int, values: tuple[float, ...], severity: int, words: str) -> None:
+    assert words_of(code, values) == (severity, words)

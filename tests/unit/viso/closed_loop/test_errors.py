@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import quaternion
 
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.wire.messages import ODOMETRY
 from tests.unit.viso.closed_loop.hops import between

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from tests.unit.viso.closed_loop.hops import ARM_S, Script, between, make_setup, play
 from viso.closed_loop.errors import estimate_errors, odometry_errors

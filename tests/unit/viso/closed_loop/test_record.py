@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from tests.unit.viso.closed_loop.hops import ARM_S, COMPANION_S, HOP_END_S, HOP_RESTART_S, hop
 from viso.closed_loop.record import AUTOPILOT, COMPANION, Health, LoopRecord, Said, StateSpan

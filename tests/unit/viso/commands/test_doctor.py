@@ -22,8 +22,6 @@ from viso.commands import doctor as doctor_command
 from viso.doctor import Evidence, GatherOptions
 from viso.streams.stream_kinds import Stream
 
-pytestmark = pytest.mark.usefixtures("compiled")
-
 UNTIL_US = LEAD_US + 3_000_000
 PAGE = (ROOT / "docs" / "doctor.md").read_text(encoding="utf-8")
 

@@ -9,7 +9,7 @@ from functools import cache
 
 import pytest
 
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.aiding_mode import AidingMode
 from tests.unit.viso.companion.engine.compiled import inertial_engine
 from viso.closed_loop.figures import LoopFigures, figures_of
 from viso.closed_loop.record import AUTOPILOT, COMPANION, Said

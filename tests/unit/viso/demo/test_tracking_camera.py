@@ -13,8 +13,8 @@ import pytest
 import quaternion
 
 from ap_core.verdict import Outcome
-from ekf_stub.filter.inertial import GRAVITY_MSS, quat_of_rotation
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from viso.closed_loop.record import AUTOPILOT, Estimate
 from viso.companion.trials.scripted_flight import Flight
@@ -310,11 +310,11 @@ def test_inertial_data_add_up_to_the_flight() -> None:
         sensors = source.sense(time_us)
         assert sensors is not None
         delta = sensors.delta
-        halfway = quat * quat_of_rotation(0.5 * delta.del_ang)
+        halfway = quat * quaternion.from_rotation_vector(0.5 * delta.del_ang)
         before = vel
         vel = vel + quaternion.rotate_vectors(halfway, delta.del_vel) + [0.0, 0.0, GRAVITY_MSS * delta.del_vel_dt]
         pos = pos + 0.5 * (before + vel) * delta.del_vel_dt
-        quat = quat * quat_of_rotation(delta.del_ang)
+        quat = quat * quaternion.from_rotation_vector(delta.del_ang)
         errors.append(np.linalg.norm(pos - SHORT_FLIGHT.position_ned(1e-6 * time_us)))
     assert max(errors) < 0.01
 

@@ -12,8 +12,6 @@ from tests.unit.viso.doctor.evidences import evidence_of, seen_in
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, recording, shifted
 from viso.doctor import RULES, Finding, GatherOptions, Severity, diagnose
 
-pytestmark = pytest.mark.usefixtures("compiled")
-
 BY_THE_VEHICLE = {
     *("XN1-04", "XN1-06", "XN1-08", "XN1-09", "XN2-01", "XN4-06", "XN4-07", "XN6-07", "XN6-08", "XN7-01", "XN7-02"),
     *("XN7-10", "XN9-02", "XN9-03", "XN9-04"),

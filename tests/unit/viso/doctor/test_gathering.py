@@ -20,8 +20,6 @@ from viso.errors import InputError
 from viso.fates.labels import Fate
 from viso.streams.stream_kinds import Stream, StreamMessage
 
-pytestmark = pytest.mark.usefixtures("compiled")
-
 END_US = LEAD_US + 2_000_000
 
 

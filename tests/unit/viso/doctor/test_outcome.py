@@ -8,8 +8,7 @@ import pytest
 
 from ap_core.verdict import Rule
 from ap_visualodom.verdicts import QUALITY_BELOW_MIN
-from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
-from ekf_stub.inputs.ingest_rules import FUSED, GATE_POSITION
+from ekf_stub.inputs.ingest_rules import FUSED, GATE_POSITION, FilterOutcome
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, seen
 from viso.doctor import Finding, SeenMessage, Severity

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from ekf_stub.filter.plain_quaternion import quaternion as plain
-from ekf_stub.filter.quaternions import one as our_one
-from ekf_stub.filter.quaternions import quaternion as our_type
 from viso.estimators import quaternion_arrays
+from viso.geometry.plain_quaternion import quaternion as plain
+from viso.geometry.quaternions import one as our_one
+from viso.geometry.quaternions import quaternion as our_type
 
 NUMBERS = st.floats(-1e3, 1e3).filter(lambda number: number == 0.0 or abs(number) > 1e-9)
 SHAPES = st.sampled_from([(), (0,), (1,), (3,), (2, 2)])

@@ -4,7 +4,7 @@
 
 from ap_core.verdict import Rule
 from ekf_stub.inputs import ingest_rules as rules
-from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from ekf_stub.inputs.ingest_rules import FilterOutcome
 from viso.fates.samples import HandedSample, SampleFates
 from viso.fates.watch import SampleTest
 

@@ -30,7 +30,7 @@ MADE_UP = "made-up"
 
 ROWS = {
     "ap_visualodom/release.py",
-    "ekf_stub/filter/release.py",
+    "ekf_stub/release.py",
     "mav_handlers/release.py",
     "viso/firmware/log_releases.py",
     "viso/parameters/releases.py",

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ekf_stub.filter.inertial import InertialDelta
-from ekf_stub.inputs.imus import ImuReading
+from ekf_stub.inputs.inertial import ImuReading, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.sensors.errors import NO_ERRORS, ErrorModel, SensorErrors, exact_delta, parse_errors

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import quaternion
 
-from ekf_stub.filter.inertial import GRAVITY_MSS, quat_of_rotation
+from ekf_stub.inputs.inertial import GRAVITY_MSS
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz
@@ -58,11 +58,11 @@ def test_inertial_data_add_up_to_the_flight() -> None:
         sensors = source.sense(time_us)
         assert sensors is not None
         delta = sensors.delta
-        halfway = quat * quat_of_rotation(0.5 * delta.del_ang)
+        halfway = quat * quaternion.from_rotation_vector(0.5 * delta.del_ang)
         before = vel
         vel = vel + quaternion.rotate_vectors(halfway, delta.del_vel) + [0.0, 0.0, GRAVITY_MSS * delta.del_vel_dt]
         pos = pos + 0.5 * (before + vel) * delta.del_vel_dt
-        quat = quat * quat_of_rotation(delta.del_ang)
+        quat = quat * quaternion.from_rotation_vector(delta.del_ang)
         if time_us % 50_000 == 0:  # the truth takes longer than the sensors
             errors.append(np.linalg.norm(pos - true_ned(max(1e-6 * time_us - START_S, 0.0))[0]))
     assert max(errors) < 0.02

@@ -25,7 +25,7 @@ LOG = DATA / "ordinary" / "lane_switch.BIN.xz"
 AGE_MS = 23.3
 END_S = 82.0
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled")]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

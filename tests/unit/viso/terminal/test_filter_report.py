@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ap_core.verdict import Outcome
-from ekf_stub.fusion.aiding import AidingMode
+from ekf_stub.reports.aiding_mode import AidingMode
 from viso.fates.watch import AidingSpan, Innovations
 from viso.terminal.filter_report import (
     aiding_rows,

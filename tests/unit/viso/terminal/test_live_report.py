@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
-from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE

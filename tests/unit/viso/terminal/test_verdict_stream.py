@@ -11,7 +11,7 @@ import pytest
 
 from ap_core.verdict import Rule
 from ekf_stub.inputs import ingest_rules as rules
-from ekf_stub.inputs.ext_nav_ingest import FilterOutcome
+from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
 from tests.unit.viso.conftest import BOOTED_US, Bench, odometry
 from viso.terminal.line_writer import LineWriter

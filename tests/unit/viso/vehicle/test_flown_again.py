@@ -61,7 +61,7 @@ ARMED, LIFTED_OFF = Event(2_500_000, Happening.ARMED), Event(2_600_000, Happenin
 def test_it_is_armed_whatever_checks_say_and_flies() -> None:
     vehicle = flown(ARMED, LIFTED_OFF)
     assert vehicle.copter.is_armed()
-    assert vehicle.copter.landing.flying_ms() == 400
+    assert vehicle.copter.landing.flying_since_us() == 2_600_000
 
 
 def test_it_lands_and_is_disarmed() -> None:
@@ -72,7 +72,7 @@ def test_it_lands_and_is_disarmed() -> None:
 
 def test_it_neither_lands_nor_is_disarmed_by_itself() -> None:
     landing = Event(2_700_000, Happening.LANDED)
-    assert flown(ARMED, LIFTED_OFF, INITIAL_MODE=ModeNumber.LAND).copter.landing.flying_ms() == 400
+    assert flown(ARMED, LIFTED_OFF, INITIAL_MODE=ModeNumber.LAND).copter.landing.flying_since_us() == 2_600_000
     assert flown(ARMED, LIFTED_OFF, landing, INITIAL_MODE=ModeNumber.LAND).copter.is_armed()
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from ekf_stub.filter.inertial import quat_of_rotation
 from tests.unit.viso.sensors.flown.made import Array, log_of
 from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.turning import quats_of_euler
@@ -57,7 +56,7 @@ def navigated(flight: Flight) -> tuple[Array, Array, Any]:
     quat = quaternion.as_quat_array(quats_of_euler([angles]))[0]
     places = []
     for delta in flight.deltas:
-        turned = quat * quat_of_rotation(delta[3:6])
+        turned = quat * quaternion.from_rotation_vector(delta[3:6])
         felt = (turned * quaternion.quaternion(0.0, *delta[:3]) * turned.conj()).vec
         gained = felt + np.array([0.0, 0.0, GRAVITY * 2.5e-3])
         pos, vel, quat = pos + 2.5e-3 * (vel + 0.5 * gained), vel + gained, turned

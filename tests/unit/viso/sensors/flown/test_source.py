@@ -12,7 +12,8 @@ import pytest
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ATT, COMMON_STRUCTURES
-from ekf_stub.filter.inertial import DownSampler, InertialDelta, InertialStep
+from ekf_stub.core.inertial import DownSampler, Inertial
+from ekf_stub.inputs.inertial import InertialDelta, numbers_of
 from ekf_stub.inputs.sensors import Sensors
 from tests.places import DATA
 from viso.errors import InputError
@@ -159,10 +160,16 @@ def test_what_was_before_the_first_pass_is_over(path: Path) -> None:
     assert sense(source, 152_500).delta.del_vel_dt == np.float32(DT)
 
 
-def filter_step(*deltas: InertialDelta) -> InertialStep:
+def inertial_of(delta: InertialDelta) -> Inertial:
+    """Return inertial data as the filter takes them."""
+    vx, vy, vz, x, y, z, vel_dt, ang_dt = numbers_of(delta)
+    return Inertial((vx, vy, vz), (x, y, z), vel_dt, ang_dt)
+
+
+def filter_step(*deltas: InertialDelta) -> Inertial:
     """Return what a step of the filter makes of passes that add up to 12.5 ms."""
     sampler = DownSampler()
-    *_, step = [sampler.add(delta, 0) for delta in deltas]
+    *_, step = [sampler.add(inertial_of(delta), 0, True) for delta in deltas]
     assert step is not None
     return step
 

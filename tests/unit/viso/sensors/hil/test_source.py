@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ekf_stub.core.reporting import report_of
-from ekf_stub.filter.inertial import GRAVITY_MSS
+from ekf_stub.inputs.inertial import GRAVITY_MSS
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from tests.unit.viso.sensors.conftest import LOOP_US
 from viso.sensors.attitude import quat_of_rpy, rotate_to_body
@@ -438,4 +437,4 @@ def test_filter_rests_while_the_simulator_is_silent(make_loop: "MakeLoop", hil: 
         hil.take_hil_sensor(after(REST, time_us), time_us)
         loop.run_pass()
     assert not loop.run_pass()
-    assert np.abs(report_of(loop.core, 12_000).vel_ned).max() < 0.05
+    assert np.abs(loop.report().vel_ned).max() < 0.05

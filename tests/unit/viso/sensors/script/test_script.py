@@ -12,7 +12,7 @@ import quaternion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ekf_stub.filter.inertial import Array, quat_of_rotation
+from ekf_stub.inputs.inertial import Array
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.sensors.attitude import halfway, rotation_between
@@ -95,7 +95,7 @@ def dead_reckon(source: ScriptSource, end_us: int) -> Iterator[tuple[int, Array,
     pos, vel, quat = np.array(begin.pos_ned), np.array(begin.vel_ned), quat_of(begin)
     for now_us in range(2 * LOOP_US, end_us + 1, LOOP_US):
         delta = sense(source, now_us).delta
-        turned = quat * quat_of_rotation(delta.del_ang)
+        turned = quat * quaternion.from_rotation_vector(delta.del_ang)
         change = quaternion.as_rotation_matrix(halfway(quat, turned)) @ delta.del_vel
         change[2] += G * delta.del_vel_dt
         pos, vel, quat = pos + (vel + 0.5 * change) * delta.del_vel_dt, vel + change, turned

@@ -10,8 +10,8 @@ import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.filter.attitude import euler_of
 from viso.errors import InputError
+from viso.geometry.attitude import euler_of
 from viso.sensors.script import script_file
 from viso.sensors.script.script_file import EXAMPLES, SHAPES, Script, parse_script
 

@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from ap_core.cint import u32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter.attitude import euler_of
-from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, quat_of_rotation
+from ekf_stub.inputs.inertial import GRAVITY_MSS, Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from tests.unit.viso.sensors.conftest import LEVEL, LOOP_US, Three, Wxyz, yawed
+from viso.geometry.attitude import euler_of
 from viso.sensors.errors import SensorErrors
 from viso.sensors.options import ImuOptions
 from viso.sensors.readings import FIELD_NED_MGAUSS
@@ -69,7 +69,7 @@ class Rig:
         self.now_us = 0
         self.vel: Array = np.zeros(3)
         self.pos: Array = np.zeros(3)
-        self.quat = quat_of_rotation(np.array([0.0, 0.0, self.options.heading_rad]))
+        self.quat = quaternion.from_rotation_vector(np.array([0.0, 0.0, self.options.heading_rad]))
         self.deltas: list[InertialDelta] = []
         self.sensors: list[Sensors] = []
         self._next_pose_us = 0
@@ -98,12 +98,12 @@ class Rig:
 
     def _navigate(self, delta: InertialDelta) -> None:
         self.deltas.append(delta)
-        halfway = self.quat * quat_of_rotation(0.5 * delta.del_ang)
+        halfway = self.quat * quaternion.from_rotation_vector(0.5 * delta.del_ang)
         gravity = np.array([0.0, 0.0, GRAVITY_MSS * delta.del_vel_dt])
         vel = self.vel + quaternion.as_rotation_matrix(halfway) @ delta.del_vel + gravity
         self.pos = self.pos + 0.5 * delta.del_vel_dt * (self.vel + vel)
         self.vel = vel
-        self.quat = (self.quat * quat_of_rotation(delta.del_ang)).normalized()
+        self.quat = (self.quat * quaternion.from_rotation_vector(delta.del_ang)).normalized()
 
     def accels(self) -> Array:
         """Return the specific forces so far, shape (n, 3)."""
@@ -201,7 +201,7 @@ class TestMovement:
 
     @pytest.mark.slow
     def test_it_takes_the_tilt_of_the_stream(self) -> None:
-        tilt = quat_of_rotation(np.radians([10.0, -5.0, 0.0]))
+        tilt = quaternion.from_rotation_vector(np.radians([10.0, -5.0, 0.0]))
         rig = Rig()
         rig.run(12.0, turn=lambda t: LEVEL if t < BEGIN_S else (tilt.w, tilt.x, tilt.y, tilt.z))
         assert rig.quat.w * tilt.w + rig.quat.x * tilt.x + rig.quat.y * tilt.y == pytest.approx(1.0, abs=1e-5)
@@ -312,7 +312,7 @@ class TestGap:
 
     @pytest.mark.slow
     def test_it_brakes_to_rest_and_levels(self) -> None:
-        tilted = quat_of_rotation(np.radians([0.0, -10.0, 0.0]))
+        tilted = quaternion.from_rotation_vector(np.radians([0.0, -10.0, 0.0]))
         rig = Rig()
         rig.run(12.0, walk_north(3.0), lambda _t: (tilted.w, tilted.x, tilted.y, tilted.z))
         assert rig.vel[0] == pytest.approx(3.0, abs=0.05)

@@ -7,7 +7,7 @@ import math
 import pytest
 import quaternion
 
-from ekf_stub.filter.attitude import euler_of
+from viso.geometry.attitude import euler_of
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.stream.frame import Pose, StreamFrame
 from viso.sensors.stream.imagined_vehicle import Movement

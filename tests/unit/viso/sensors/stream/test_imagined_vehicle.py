@@ -7,7 +7,7 @@ import math
 import numpy as np
 import quaternion
 
-from ekf_stub.filter.inertial import GRAVITY_MSS, quat_of_rotation
+from ekf_stub.inputs.inertial import GRAVITY_MSS
 from viso.sensors.attitude import quat_of_rpy, rotation_between
 from viso.sensors.stream.imagined_vehicle import (
     MAX_ACCEL,
@@ -39,11 +39,11 @@ def test_inertial_data_add_up_to_the_movement() -> None:
         if number % 4 == 0:
             vehicle.steer(wild_target(number * DT))
         del_vel, del_ang = map(np.array, vehicle.move(DT))
-        halfway = quaternion.as_rotation_matrix(quat * quat_of_rotation(0.5 * del_ang))
+        halfway = quaternion.as_rotation_matrix(quat * quaternion.from_rotation_vector(0.5 * del_ang))
         vel_before = vel
         vel = vel + halfway @ del_vel + (0.0, 0.0, GRAVITY_MSS * DT)
         pos = pos + 0.5 * DT * (vel + vel_before)
-        quat = (quat * quat_of_rotation(del_ang)).normalized()
+        quat = (quat * quaternion.from_rotation_vector(del_ang)).normalized()
     movement = vehicle.movement()
     assert np.abs(pos - movement.pos).max() < 0.01
     assert np.abs(vel - movement.vel).max() < 0.002
