@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
 from ekf_stub.log.ekf_log_structure import XKF1, XKF3, XKF4
 from viso.comparing.agreement import ABSENT, Comparison, Difference
 from viso.comparing.rules import LOG, tolerances_of
@@ -17,7 +17,7 @@ from viso.ekf_runs import targets
 from viso.ekf_runs.events import Event, agree, matched, text_events
 from viso.ekf_runs.run import LABELS, EkfReplay, EkfRun, NothingToCompare, recorded_firmware, until
 from viso.firmware.releases import Firmware
-from viso.logs.recorded import read_columns, read_kinds
+from viso.logs.recorded import read_columns
 
 _RECORD_OF: Final = {
     label: structure.name for structure in (XKF1, XKF3, XKF4) for label in structure.fields if label in LABELS
@@ -27,7 +27,7 @@ _TOLERANCES: Final = tolerances_of(LOG)
 
 def told_by_log(path: Path) -> Firmware | None:
     """Return the profile of the release that wrote a log. Raises InputError if the log cannot be read."""
-    return read_kinds(path, read_columns(path), ("MSG", "PARM"), recorded_firmware)
+    return recorded_firmware(read_columns(path))
 
 
 def estimate_differences(replay: EkfReplay, core: int = 0) -> Iterator[Difference]:

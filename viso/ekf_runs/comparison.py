@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
 from viso.ekf_runs import targets
 from viso.ekf_runs.events import Differences, changes, compare_moves, compare_texts, compare_values
 from viso.ekf_runs.run import LABELS, EkfReplay

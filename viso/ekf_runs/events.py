@@ -8,7 +8,7 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
 from viso.ekf_runs.targets import MOVED_STEP_M, PRINTED_STEP, WITHIN_S
 
 T = TypeVar("T")

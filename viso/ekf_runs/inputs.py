@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the replay records of a log say of the sensors, frame after frame (AP_DAL/LogStructure.h).
+"""What the replay records of a log say of all sensors but IMUs, frame after frame (AP_DAL/LogStructure.h).
 
 A value stands until another record of its kind comes: most records are written only when they differ.
 """
@@ -8,22 +8,18 @@ A value stands until another record of its kind comes: most records are written 
 from collections.abc import Callable
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
-import numpy as np
-
 from ap_core.cint import i32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.filter.inertial import LOOP_DT, InertialDelta
-from ekf_stub.inputs.compasses import NO_COMPASS, CompassReading
-from ekf_stub.inputs.flow_ingest import FlowMeasurement
+from ekf_stub.core.imus import MAX_IMUS
+from ekf_stub.core.inertial import LOOP_DT
+from ekf_stub.core.inputs import Compasses, CompassReading
+from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
-from ekf_stub.inputs.imus import MAX_IMUS, ImuReading, Imus
 from ekf_stub.inputs.range_state import FinderState, RangeState, RangeStatus
 from ekf_stub.reports.core_report import Three
-from viso.logs.record_fields import RecordError, finite, instance, numbers, whole
+from viso.logs.record_fields import finite, instance, numbers, whole
 
-_USE_ACCEL: Final = 1 << 0  # of RISI.Flags
-_USE_GYRO: Final = 1 << 1
 _VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _LAG, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
 
 T = TypeVar("T")
@@ -110,12 +106,11 @@ class ReplayInputs:
     """The sensors as the records taken so far leave them.
 
     Attributes:
-        time_us: of the frame, since boot.
-        flying_ms: for how long the vehicle has been flying.
         flags: of the frame, as ``replay_log`` names some.
         home_lat: latitude of home, 1e-7 deg.
         imu_count: how many IMUs there are.
-        imus: what they say.
+        first_gyro, first_accel: the first ones that may be used.
+        loop_dt: of the main loop, s.
         baros: time of the reading in ms, and height in m, by barometer.
         primary_baro: the one in use.
         compasses: what the compasses say; the same until that changes.
@@ -128,12 +123,13 @@ class ReplayInputs:
     """
 
     def __init__(self) -> None:
-        self.time_us = self.flying_ms = self.flags = self.home_lat = 0
+        self.flags = self.home_lat = 0
         self.imu_count = MAX_IMUS
-        self.imus = Imus()
+        self.first_gyro = self.first_accel = 0
+        self.loop_dt = LOOP_DT
         self.primary_baro = 0
         self.baros: dict[int, Reading[tuple[int, float]]] = {}
-        self.compasses = NO_COMPASS
+        self.compasses = Compasses([])
         self._compasses: dict[int, CompassReading] = {}
         self._compass_count = 0
         self.declination = 0.0
@@ -142,15 +138,11 @@ class ReplayInputs:
         self.ranges: RangeState | None = None
         self.gps: GpsSample | None = None
         self.gps_lag_s: float | None = None
-        self._loop_dt = LOOP_DT
-        self._filtered_us = 0
         self._gps_records = GpsRecords()
         self._solutions: dict[int, GpsSample | None] = {}
         self._handlers: dict[str, Callable[[Any], None]] = {
-            "RFRH": self._take_rfrh,
             "RFRN": self._take_rfrn,
             "RISH": self._take_rish,
-            "RISI": self._take_risi,
             "RBRH": self._take_rbrh,
             "RBRI": self._take_rbri,
             "RMGH": self._take_rmgh,
@@ -161,39 +153,21 @@ class ReplayInputs:
             **dict.fromkeys(("RGPH", "RGPI", "RGPJ"), self._take_gps),
         }
 
-    def take(self, record: Any) -> None:
-        """Take the next record of the log, whatever it is. Raises RecordError if it cannot be used."""
+    def take(self, record: Any) -> bool:
+        """Take the next record of the log; say whether it is about sensors. Raises RecordError if it cannot be used."""
         handler = self._handlers.get(record.get_type())
         if handler is not None:
             handler(record)
-
-    def _take_rfrh(self, record: Any) -> None:
-        time_us, self.flying_ms = whole(record, "TimeUS", "TF")
-        if time_us < self.time_us:
-            raise RecordError(f"RFRH.TimeUS runs backwards, from {self.time_us} to {time_us}")
-        self.time_us = time_us
+        return handler is not None
 
     def _take_rfrn(self, record: Any) -> None:
         home_lat, self.flags = whole(record, "HLat", "Flags")
         self.home_lat = i32(home_lat)
 
     def _take_rish(self, record: Any) -> None:
-        self.imus.first_gyro, self.imus.first_accel, count = whole(record, "PG", "PA", "AC")
+        self.first_gyro, self.first_accel, count = whole(record, "PG", "PA", "AC")
         self.imu_count = min(count, MAX_IMUS)
-        (self._loop_dt,) = finite(record, "LD")
-
-    def _take_risi(self, record: Any) -> None:
-        imu, (uses,) = instance(record), whole(record, "Flags")
-        if 0 <= imu < self.imu_count:
-            values = finite(record, "DVX", "DVY", "DVZ", "DAX", "DAY", "DAZ", "DVDT", "DADT")
-            delta = InertialDelta(np.array(values[:3]), np.array(values[3:6]), values[6], values[7])
-            self.imus.readings[imu] = ImuReading(delta, bool(uses & _USE_GYRO), bool(uses & _USE_ACCEL))
-
-    def filter_rates(self) -> None:
-        """Filter what the IMUs measure, once a frame."""
-        if self._filtered_us != self.time_us:
-            self._filtered_us = self.time_us
-            self.imus.filter_rates(self._loop_dt)
+        (self.loop_dt,) = finite(record, "LD")
 
     def _take_rbrh(self, record: Any) -> None:
         (self.primary_baro,) = whole(record, "Primary")
@@ -205,25 +179,27 @@ class ReplayInputs:
     def _take_rmgh(self, record: Any) -> None:
         (self.declination,) = finite(record, "Dec")
         first, self._compass_count, are_consistent, are_available = whole(record, "FUsable", "NumInst", "C", "Avail")
-        self.compasses = self.compasses._replace(
-            readings=self._compass_readings(),
-            first_usable=first,
-            are_consistent=bool(are_consistent),
-            are_available=bool(are_available),
+        self.compasses = Compasses(
+            self._compass_readings(), first, are_consistent=bool(are_consistent), are_available=bool(are_available)
         )
 
     def _take_rmgi(self, record: Any) -> None:
-        time_us, *values = finite(record, "LU", "FX", "FY", "FZ", "OX", "OY", "OZ")
+        time_us, field_x, field_y, field_z, x, y, z = finite(record, "LU", "FX", "FY", "FZ", "OX", "OY", "OZ")
         is_used, is_healthy = map(bool, whole(record, "UFY", "H"))
-        x, y, z = values[3:]
         self._compasses[instance(record)] = CompassReading(
-            int(time_us), np.array(values[:3]), (x, y, z), is_healthy, is_used
+            int(time_us), (field_x, field_y, field_z), (x, y, z), is_healthy, is_used
         )
-        self.compasses = self.compasses._replace(readings=self._compass_readings())
+        now = self.compasses
+        self.compasses = Compasses(
+            self._compass_readings(),
+            now.first_usable,
+            are_consistent=now.are_consistent,
+            are_available=now.are_available,
+        )
 
-    def _compass_readings(self) -> tuple[CompassReading, ...]:
+    def _compass_readings(self) -> list[CompassReading]:
         known = self._compasses
-        return tuple(known[i] for i in range(min(self._compass_count, len(known))) if i in known)
+        return [known[i] for i in range(min(self._compass_count, len(known))) if i in known]
 
     def _take_rvoh(self, record: Any) -> None:
         x, y, z, enabled = finite(record, "OX", "OY", "OZ", "Ena")

@@ -9,8 +9,7 @@ from typing import Final
 from ap_core.dataflash import DataFlashWriter, ParameterRecord
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
-from ekf_stub.core.ekf3_core import Ekf3Core
-from ekf_stub.core.reporting import run_report_of
+from ekf_stub.core.core import Core
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.reports.core_report import CoreReport
 from viso.files.outputs import output_file
@@ -51,11 +50,9 @@ class EkfOutput:
         """Append a parameter that has changed."""
         self._data += self._writer.parameter(name, value, time_us=time_us)
 
-    def frame(self, number: int, core: Ekf3Core, time_us: int) -> None:
-        """Append what a core with a state writes by itself, after a frame."""
-        log = self._estimates_of(number)
-        if log.is_due(time_us, core.is_still(), is_step=core.stepped):
-            log.update(run_report_of(core), time_us, is_step=core.stepped)
+    def passed(self, number: int, core: Core, time_us: int) -> None:
+        """Append what a core writes by itself, after a pass in which it has something to log."""
+        self._estimates_of(number).log_pass(core, time_us)
 
     def estimates(self, number: int, report: CoreReport, time_us: int) -> None:
         """Append what a core says at a moment."""

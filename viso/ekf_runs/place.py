@@ -3,37 +3,36 @@
 """What a log says about the earth's magnetic field at its origin, which the firmware has from a table of the world."""
 
 import math
+from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
 
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
 from viso.logs.record_fields import finite, text, whole
 
 _ORIGIN_SET: Final = " origin set"
 _ORIGIN_SETTLES_US: Final = 500_000  # until all cores have it
 
 
-def declination_of(log: Any) -> float | None:
-    """Return the first declination that the compasses were given; the firmware's table had it from the origin on."""
-    found = None
-    while found is None and (record := log.recv_match(type="RMGH")) is not None:
-        found = finite(record, "Dec")[0] or None
-    log.rewind()
-    return found
+def declination_of(headings: Iterable[Any]) -> float | None:
+    """Return the first declination that the compasses were given; the firmware's table had it from the origin on.
+
+    ``headings`` are the RMGH records of a log.
+    """
+    return next((declination for record in headings if (declination := finite(record, "Dec")[0])), None)
 
 
-def field_of(log: Any, declination: float | None) -> Array | None:
+def field_of(records: Iterable[Any], declination: float | None) -> Array | None:
     """Return the earth's field by the firmware's table, Gauss, NED, of which no replay record tells.
 
-    The estimate of it begins there as the origin is set. XKF2 has that cut off to 1 mGauss.
+    The estimate of it begins there as the origin is set. XKF2 has that cut off to 1 mGauss. ``records`` are the MSG and
+    XKF2 records of a log.
     """
+    if declination is None:
+        return None
     set_us: int | None = None
-    found: Array | None = None
-    while found is None and declination is not None:
-        record = log.recv_match(type=["MSG", "XKF2"])
-        if record is None:
-            break
+    for record in records:
         (time_us,) = whole(record, "TimeUS")
         if record.get_type() == "MSG":
             if set_us is None and text(record, "Message").endswith(_ORIGIN_SET):
@@ -41,6 +40,5 @@ def field_of(log: Any, declination: float | None) -> Array | None:
         elif set_us is not None and time_us > set_us + _ORIGIN_SETTLES_US:
             north, east, down = (value + math.copysign(0.5, value) for value in whole(record, "MN", "ME", "MD"))
             level = math.hypot(north, east)
-            found = 0.001 * np.array([level * math.cos(declination), level * math.sin(declination), down])
-    log.rewind()
-    return found
+            return 0.001 * np.array([level * math.cos(declination), level * math.sin(declination), down])
+    return None

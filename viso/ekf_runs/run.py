@@ -4,19 +4,21 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.log_structure import ERR, EV, MSG, ORGN, QUIET_NAN
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
 from ekf_stub.log.ekf_log import PERIOD_US
 from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
+from viso.ekf_runs.frames import AFTER_THE_FILTER, Frames
 from viso.ekf_runs.output import EkfOutput
 from viso.ekf_runs.place import declination_of, field_of
 from viso.ekf_runs.player import EkfPlayer
@@ -25,7 +27,7 @@ from viso.firmware.flown import profile_for, version_in
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.event_names import ERR_EKF_PRIMARY, EV_SOURCE_SET_1, EV_YAW_RESET
 from viso.logs.record_fields import RecordError, finite, text, whole
-from viso.logs.recorded import read_log
+from viso.logs.recorded import places_of, read_columns, records_in
 from viso.logs.vehicle_log import ORGN_EKF
 from viso.parameters.left_out import left_out
 
@@ -41,6 +43,14 @@ Texts = list[tuple[float, str]]
 LANE_TEXTS: Final = ("EKF3 lane switch", "EKF primary changed")
 _NO_REPLAY: Final = "no replay records; LOG_REPLAY was off, or the EKF was"
 _COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
+_READ: Final = (
+    *("PARM", "MSG", "RFRN", "RISH", "RBRH", "RBRI", "RMGH", "RMGI", "RVOH", "RRNH", "RRNI", "RGPH", "RGPI", "RGPJ"),
+    *AFTER_THE_FILTER,
+    *("XKF1", "XKF3"),
+)
+"""What is read record by record; RFRH, RISI and RFRF, of which each frame has some, are read by columns."""
+
+_PROGRESS_FRAMES: Final = 1000
 
 
 @dataclass(frozen=True)
@@ -114,10 +124,11 @@ class EkfRun:
     ) -> None:
         self._path = path
         self._until_s = until_s
+        self._core = core
         self.firmware = firmware
         self._defaults: dict[str, float] = {}
-        self._player = EkfPlayer(self, core)
-        self.output = EkfOutput(lambda: self._player.primary)
+        self._player: EkfPlayer | None = None
+        self.output = EkfOutput(lambda: self._playing.primary)
         self._rows: defaultdict[int, list[_Row]] = defaultdict(list)
         self._our_texts: defaultdict[int, Texts] = defaultdict(list)
         self._recorded_texts: defaultdict[int, Texts] = defaultdict(list)
@@ -126,18 +137,32 @@ class EkfRun:
         self.recorded_lanes: Texts = []
         self._yaw_reset_ms = 0
         self._primary = core or 0  # as Copter begins, unless one core is all there is
+        self._has_estimates = False
         self._next_us = 0
-        self.frames = 0
+
+    @property
+    def _playing(self) -> EkfPlayer:
+        assert self._player is not None
+        return self._player
 
     @property
     def imus(self) -> dict[int, int]:
         """The IMU of each core that is run, by the core's number."""
-        return self._player.imus
+        return {} if self._player is None else self._player.imus
+
+    @property
+    def frames(self) -> int:
+        """How many frames have been run."""
+        return 0 if self._player is None else self._player.next_frame
+
+    @property
+    def _time_us(self) -> int:
+        return 0 if self._player is None else self._player.time_us
 
     @property
     def time_s(self) -> float:
         """How far it has come, since boot."""
-        return self._player.time_us / 1e6
+        return self._time_us / 1e6
 
     def run(self, on_progress: Callable[[int, int], None] = lambda _frames, _all: None) -> None:
         """Run to the end.
@@ -149,32 +174,58 @@ class EkfRun:
             NothingToCompare: the log has no replay records.
             InputError: the log cannot be read, or the filter cannot be run over it.
         """
-
-        def play(log: Any) -> Exception | None:
-            has_estimates, frames = (log.counts[log.name_to_id.get(name, 0)] for name in ("XKF4", "RFRH"))
-            if not frames:
-                raise NothingToCompare(f"{self._path}: {_NO_REPLAY}")
-            try:
-                self.firmware = self.firmware or recorded_firmware(log) or REFERENCE
-                self._player.release = self.firmware.ekf
-                self._player.place_declination = declination_of(log)
-                self._player.place_field = field_of(log, self._player.place_declination)
-                for record, slow in _records(log, self._until_s):
-                    self._player.slow = slow
-                    self._take(record, has_estimates=has_estimates > 0)
-                    if record.get_type() == "RFRH" and self.frames % 100 == 0:
-                        on_progress(self.frames, frames)
-            except RecordError as error:
-                raise InputError(f"{self._path}: {error} (at {self.time_s:.3f} s)") from error
-            except Exception as error:  # ours, and not the log's fault, which the reader would take it for
-                return error
-            return None
-
-        failure = read_log(self._path, play)
-        if failure is not None:
-            raise failure
-        if self._player.lanes is None:
+        log = read_columns(self._path)
+        if not log.counts.get("RFRH"):
+            raise NothingToCompare(f"{self._path}: {_NO_REPLAY}")
+        try:
+            self._play(log, on_progress)
+        except RecordError as error:
+            raise InputError(f"{self._path}: {error} (at {self.time_s:.3f} s)") from error
+        if self._playing.lanes is None:
             raise InputError(f"{self._path}: {_NO_REPLAY}")
+
+    def _play(self, log: LogColumns, on_progress: Callable[[int, int], None]) -> None:
+        frames = Frames(log, self._until_s * 1e6)
+        player = self._player = EkfPlayer(self, frames, self._core)
+        self._has_estimates = bool(log.counts.get("XKF4"))
+        self.firmware = self.firmware or recorded_firmware(log) or REFERENCE
+        player.release = self.firmware.ekf
+        player.place_declination = declination_of(records_in(log, ["RMGH"]))
+        player.place_field = field_of(records_in(log, ["MSG", "XKF2"]), player.place_declination)
+        shown = 0
+        problem = frames.problem()
+        places = places_of(log, _READ)
+        times_us = np.append(0, frames.begin_times_us)[np.searchsorted(frames.begins, places)].tolist()
+        for place, time_us, record in zip(places.tolist(), times_us, records_in(log, _READ), strict=True):
+            if place >= frames.end or (problem is not None and place > problem[0]):
+                break
+            self._run_until(place)
+            if frames.begins[0] < place:
+                player.time_us = max(time_us, player.time_us)
+                self._begin_output()
+            self._take(record)
+            if player.next_frame - shown >= _PROGRESS_FRAMES:
+                shown = player.next_frame
+                on_progress(shown, len(frames))
+        self._run_until(frames.end if problem is None else problem[0])
+        if problem is not None and problem[0] < frames.end:
+            begun = np.searchsorted(frames.begins, problem[0], side="right") - 1
+            player.time_us = max(player.time_us, int(frames.begin_times_us[begun]))
+            raise problem[1]
+
+    def _run_until(self, place: int) -> None:
+        """Run the frames that come before a place in the log; write estimates where the log has none of its own."""
+        player = self._playing
+        if self._has_estimates:
+            player.run_until(place, math.inf)
+            return
+        before = -1
+        while before != player.next_frame:
+            before = player.next_frame
+            player.run_until(place, self._next_us)
+            if player.lanes is not None and player.next_frame > before and player.time_us >= self._next_us:
+                self._next_us = player.time_us + PERIOD_US
+                self._write_estimates()
 
     def comparison(self, core: int = 0) -> EkfReplay | None:
         """Return what can be compared of a core; None when the log has no estimates of its own."""
@@ -191,54 +242,50 @@ class EkfRun:
 
     # Records
 
-    def _take(self, record: Any, *, has_estimates: bool) -> None:
+    def _take(self, record: Any) -> None:
         kind = record.get_type()
-        self._player.take(record)
-        self._note_jumps()
-        if kind == "RFRH":
-            self._begin_frame()
-        elif kind == "RFRF":
-            self._end_frame(has_estimates=has_estimates)
-        elif kind == "PARM":
+        if kind == "PARM":
+            self._playing.take(record)
             self._take_parm(record)
         elif kind == "MSG":
             self._take_text(record)
-        elif kind in _COMPARED and whole(record, "C")[0] in self.imus:
-            self._take_estimates(record)
+        elif kind in _COMPARED:
+            if whole(record, "C")[0] in self.imus:
+                self._take_estimates(record)
+        else:
+            self._playing.take(record)
+            self._note_jumps()
 
-    def _begin_frame(self) -> None:
-        self.frames += 1
+    def _begin_output(self) -> None:
         if self.output.is_empty:
-            params = self._player.params
+            params = self._playing.params
             rows = ((name, value, self._defaults[name]) for name, value in params.items())
-            self.output.begin(rows, self._player.time_us)
+            self.output.begin(rows, self._time_us)
             self.notes = left_out(params)
             for note in self.notes:
-                self.output.write(MSG, (self._player.time_us, note))
+                self.output.write(MSG, (self._time_us, note))
 
-    def _end_frame(self, *, has_estimates: bool) -> None:
-        cores, now_us = self._player.cores, self._player.time_us
-        for number, core in cores.items():
-            if core.initialised:
-                self.output.frame(number, core, now_us)
-        if cores and not has_estimates and now_us >= self._next_us:
-            self._next_us = now_us + PERIOD_US
-            self._write_estimates()
+    def passed(self) -> None:
+        """Log what the cores write by themselves, and what the vehicle notes of them."""
+        self._begin_output()
+        for number, core in self._playing.cores.items():
+            self.output.passed(number, core, self._time_us)
+        self._note_jumps()
 
     def _write_estimates(self) -> None:
         for number in self.imus:
-            self.output.estimates(number, self._player.report(number), self._player.time_us)
+            self.output.estimates(number, self._playing.report(number), self._time_us)
 
     def _note_jumps(self) -> None:
         """Log what the vehicle notes of its estimator (Copter::check_ekf_reset)."""
-        lanes, now_us = self._player.lanes, self._player.time_us
+        lanes, now_us = self._playing.lanes, self._time_us
         if lanes is None:
             return
         if lanes.yaw_reset_ms > self._yaw_reset_ms:
             self.output.write(EV, (now_us, EV_YAW_RESET))
         self._yaw_reset_ms = lanes.yaw_reset_ms
-        if lanes.primary_filter.initialised and self._player.primary != self._primary:
-            self._primary = self._player.primary
+        if lanes.primary_filter.initialised and self._playing.primary != self._primary:
+            self._primary = self._playing.primary
             self.output.write(ERR, (now_us, ERR_EKF_PRIMARY, self._primary))
             self.send_text(MAV_SEVERITY_WARNING, f"EKF primary changed:{self._primary}")
 
@@ -246,7 +293,7 @@ class EkfRun:
         name, default = text(record, "Name"), getattr(record, "Default", None)  # logs of older releases have none
         self._defaults[name] = default if isinstance(default, float) else float(QUIET_NAN)
         if not self.output.is_empty:
-            self.output.parameter(name, self._player.params[name], self._player.time_us)
+            self.output.parameter(name, self._playing.params[name], self._time_us)
 
     def _take_text(self, record: Any) -> None:
         message = text(record, "Message")
@@ -263,66 +310,39 @@ class EkfRun:
 
     def _take_estimates(self, record: Any) -> None:
         time_us, number = whole(record, "TimeUS", "C")
-        rows, core = self._rows[number], self._player.cores.get(number)
+        rows, core = self._rows[number], self._playing.cores.get(number)
         if record.get_type() == "XKF4":
             if number == next(iter(self.imus)):
                 self._write_estimates()
             if core is not None and core.initialised:
-                rows.append(_Row(time_us / 1e6, _ours(self._player.report(number)), {}))
+                rows.append(_Row(time_us / 1e6, _ours(self._playing.report(number)), {}))
         if rows and rows[-1].time_s == time_us / 1e6:
-            labels = [label for label in LABELS if label in record.get_fieldnames()]
+            labels = [label for label in LABELS if hasattr(record, label)]
             rows[-1].recorded.update(zip(labels, finite(record, *labels), strict=True))
 
     # What the filter says
 
     def send_text(self, _severity: int, message: str) -> None:
         """Note and log a text."""
-        self.output.write(MSG, (self._player.time_us, message))
+        self.output.write(MSG, (self._time_us, message))
         self._sort_text(self.time_s, message, self._our_texts, self.our_lanes)
 
     def source_set(self, index: int) -> None:
         """Log that a source set was chosen."""
-        self.output.write(EV, (self._player.time_us, EV_SOURCE_SET_1 + index))
+        self.output.write(EV, (self._time_us, EV_SOURCE_SET_1 + index))
 
     def origin(self, place: Location) -> None:
         """Log the origin that was set."""
-        self.output.write(ORGN, (self._player.time_us, ORGN_EKF, place.lat, place.lng, place.alt_cm))
+        self.output.write(ORGN, (self._time_us, ORGN_EKF, place.lat, place.lng, place.alt_cm))
 
 
-def recorded_firmware(log: Any) -> Firmware | None:
+def recorded_firmware(log: LogColumns) -> Firmware | None:
     """Return the profile that is nearest to what a log was written by; None if it does not tell."""
-    flown = None
-    while flown is None and (record := log.recv_match(type="MSG")) is not None:
-        flown = version_in(text(record, "Message"))
-    log.rewind()
+    messages = (text(record, "Message") for record in records_in(log, ["MSG"]))
+    flown = next((version for message in messages if (version := version_in(message)) is not None), None)
     if flown is None:
         return None
-    names = set()
-    while (record := log.recv_match(type="PARM")) is not None:
-        names.add(text(record, "Name"))
-    log.rewind()
-    return profile_for(flown, names)
-
-
-def _records(log: Any, until_s: float) -> Iterator[tuple[Any, int]]:
-    """Yield the records, each with RFRF.Slow of its frame, which comes late in the frame."""
-    frame: list[Any] = []
-    while (record := log.recv_msg()) is not None:
-        kind = record.get_type()
-        if kind == "RFRH":
-            yield from ((waiting, 0) for waiting in frame)  # a frame in which the filter did not run
-            if whole(record, "TimeUS")[0] > until_s * 1e6:
-                return
-            frame = [record]
-        elif kind == "RFRF" and frame:
-            (slow,) = whole(record, "Slow")
-            yield from ((waiting, slow) for waiting in (*frame, record))
-            frame = []
-        elif frame:
-            frame.append(record)
-        else:
-            yield record, 0
-    yield from ((waiting, 0) for waiting in frame)
+    return profile_for(flown, {text(record, "Name") for record in records_in(log, ["PARM"])})
 
 
 def _ours(report: CoreReport) -> dict[str, float]:

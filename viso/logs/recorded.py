@@ -115,9 +115,17 @@ def records_in(log: LogColumns, kinds: Iterable[str]) -> Iterator[LogRecord]:
     present = [kind for kind in kinds if kind in log.counts]
     rows = [_rows(log, kind) for kind in present]
     owners = np.repeat(np.arange(len(present)), [log.counts[kind] for kind in present])
-    offsets = np.concatenate([np.zeros(0, np.int64), *(log.offsets(kind) for kind in present)])
-    for owner in owners[np.argsort(offsets)].tolist():
+    for owner in owners[np.argsort(_offsets(log, present))].tolist():
         yield next(rows[owner])
+
+
+def places_of(log: LogColumns, kinds: Iterable[str]) -> npt.NDArray[np.int64]:
+    """Return where the records of some kinds begin, in bytes, in the log's order."""
+    return np.sort(_offsets(log, kinds))
+
+
+def _offsets(log: LogColumns, kinds: Iterable[str]) -> npt.NDArray[np.int64]:
+    return np.concatenate([np.zeros(0, np.int64), *map(log.offsets, kinds)])
 
 
 def _rows(log: LogColumns, kind: str) -> Iterator[LogRecord]:

@@ -220,17 +220,17 @@ def test_mavlogdump_prints_the_estimates(written: Path) -> None:
 
 @pytest.mark.slow
 def test_interrupted_run_leaves_what_there_was(viso: Viso, monkeypatch: pytest.MonkeyPatch, short: Path) -> None:
-    begin_frame = EkfRun._begin_frame
+    passed = EkfRun.passed
 
     def interrupt(run: EkfRun) -> None:
-        begin_frame(run)
+        passed(run)
         if run.time_s > 4.6:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(EkfRun, "_begin_frame", interrupt)
+    monkeypatch.setattr(EkfRun, "passed", interrupt)
     outcome = viso(short, "-o", "out.BIN")
     assert outcome.code != 0
-    assert "note: interrupted; out.BIN ends at 4.602 s\n" in outcome.err
+    assert "note: interrupted; out.BIN ends at 4.625 s\n" in outcome.err
     texts = [record.Message for record in records_of(Path("out.BIN"), "MSG")]
     assert texts == ["EKF3 IMU0 initialised", "EKF3 IMU1 initialised"]
     assert [record.TimeUS for record in records_of(Path("out.BIN"), "XKF1")][-1] == 4_549_846

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ekf_stub.filter.inertial import Array
+from ekf_stub.inputs.inertial import Array
 from viso.ekf_runs import targets as ekf_targets
 from viso.ekf_runs.comparison import MEASURED, Check, Comparison, compare
 from viso.ekf_runs.run import LABELS, EkfReplay

@@ -6,13 +6,10 @@ from typing import Any
 
 import pytest
 
-from ekf_stub.filter.inertial import Array
 from viso.ekf_runs.core_inputs import CoreInputs
 from viso.ekf_runs.inputs import ReplayInputs
-from viso.logs.record_fields import RecordError
 
 GPS, BARO, COMPASS = 1, 2, 4
-GOOD, NO_ACCEL = 15, 14
 
 
 class Record:
@@ -31,21 +28,14 @@ class Rig:
 
     def __init__(self) -> None:
         self.inputs, self.affinity = ReplayInputs(), 0
-        self.core = CoreInputs(self.inputs, 1, 1, lambda: self.affinity)
-        self.take("RFRH", TimeUS=1000, TF=0)
-        self.take("RISH", PG=0, PA=0, AC=2, LD=0.0025)
+        self.core = CoreInputs(self.inputs, 1)
         self.take("RMGH", Dec=0.2, Avail=1, NumInst=2, C=1, FUsable=0)
         for i in range(2):
-            self.imu(i)
             self.baro(i)
             self.mag(i)
 
     def take(self, kind: str, **fields: Any) -> None:
         self.inputs.take(Record(kind, **fields))
-
-    def imu(self, i: int, flags: int = GOOD) -> None:
-        deltas = dict.fromkeys(("DVX", "DVY", "DVZ", "DAX", "DAY", "DAZ"), 0.001 * (i + 1))
-        self.take("RISI", **deltas, DVDT=0.0025, DADT=0.0025, Flags=flags, I=i)
 
     def baro(self, i: int, healthy: int = 1) -> None:
         self.take("RBRI", LastUpdate=900, Alt=float(i), H=healthy, I=i)
@@ -64,52 +54,13 @@ def rig() -> Rig:
     return Rig()
 
 
-def first(vector: Array) -> float:
-    return float(vector[0])
-
-
-def test_core_uses_its_own_imu(rig: Rig) -> None:
-    delta = rig.core.delta()
-    assert (first(delta.del_vel), first(delta.del_ang)) == (0.002, 0.002)
-    assert delta is rig.inputs.imus.readings[1].delta
-
-
-def test_sensor_that_fails_is_replaced_by_the_first(rig: Rig) -> None:
-    rig.imu(1, NO_ACCEL)
-    delta = rig.core.delta()
-    assert (rig.core.accel, first(delta.del_ang), first(delta.del_vel)) == (0, 0.002, 0.001)
-
-
-@pytest.mark.parametrize("first", [2, 255])
-def test_sensor_that_fails_has_no_substitute_without_data(rig: Rig, first: int) -> None:
-    rig.imu(1, NO_ACCEL)
-    rig.take("RISH", PG=0, PA=first, AC=2, LD=0.0025)
-    with pytest.raises(RecordError, match=rf"\Ano RISI record of IMU {first}, "):
-        rig.core.delta()
-
-
-def test_rates_are_filtered_once_a_frame(rig: Rig) -> None:
-    rig.inputs.filter_rates()
-    rates = rig.core.imu_rates()
-    assert rates is not None
-    gyro = rates.gyros[1]
-    assert gyro is not None
-    rig.inputs.filter_rates()
-    assert rates.gyros[1] == gyro
-
-
-def test_imu_that_is_not_there_has_no_data(rig: Rig) -> None:
-    rig.imu(2)
-    assert list(rig.inputs.imus.readings) == [0, 1]
-
-
 def test_other_sensors_are_the_primary_ones_without_affinity(rig: Rig) -> None:
     rig.take("RGPH", NumInst=2, Primary=0)
     for i in range(2):
         rig.gps(i)
-    assert rig.core.baro() == (900, 0.0)
-    assert rig.core.compasses() is rig.inputs.compasses
-    assert rig.core.gps() is rig.inputs.gps is not None
+    assert rig.core.baro(rig.affinity) == (900, 0.0)
+    assert rig.core.compasses(rig.affinity) is rig.inputs.compasses
+    assert rig.core.gps(rig.affinity) is rig.inputs.gps is not None
 
 
 def test_other_sensors_are_those_of_the_cores_number_with_affinity(rig: Rig) -> None:
@@ -117,11 +68,16 @@ def test_other_sensors_are_those_of_the_cores_number_with_affinity(rig: Rig) -> 
     rig.take("RGPH", NumInst=2, Primary=0)
     for i in range(2):
         rig.gps(i)
-    compasses, gps = rig.core.compasses(), rig.core.gps()
+    compasses, gps = rig.core.compasses(rig.affinity), rig.core.gps(rig.affinity)
     assert gps is not None
-    assert (rig.core.baro(), compasses.own, len(compasses.readings), gps.location.alt_cm) == ((900, 1.0), 1, 2, 1)
-    assert rig.core.compasses() is compasses
-    assert rig.core.gps() is gps
+    assert (rig.core.baro(rig.affinity), compasses.own, len(compasses.readings), gps.location.alt_cm) == (
+        (900, 1.0),
+        1,
+        2,
+        1,
+    )
+    assert rig.core.compasses(rig.affinity) is compasses
+    assert rig.core.gps(rig.affinity) is gps
 
 
 def test_affinity_ends_where_the_sensor_is_not_good(rig: Rig) -> None:
@@ -130,7 +86,7 @@ def test_affinity_ends_where_the_sensor_is_not_good(rig: Rig) -> None:
     rig.gps(0)
     rig.gps(1, fix=2)
     rig.baro(1, healthy=0)
-    assert rig.core.gps() is rig.inputs.gps
-    assert rig.core.baro() == (900, 0.0)
-    third = CoreInputs(rig.inputs, 2, 0, lambda: rig.affinity)
-    assert (third.baro(), third.gps()) == ((900, 0.0), rig.inputs.gps)
+    assert rig.core.gps(rig.affinity) is rig.inputs.gps
+    assert rig.core.baro(rig.affinity) == (900, 0.0)
+    third = CoreInputs(rig.inputs, 2)
+    assert (third.baro(rig.affinity), third.gps(rig.affinity)) == ((900, 0.0), rig.inputs.gps)

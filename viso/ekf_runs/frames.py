@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The frames of a log with replay records: times and inertial data, read by columns (AP_DAL/LogStructure.h).
+
+A frame begins with RFRH. In it come the inputs that have changed, then RFRF, and what was logged or handed in from
+outside. RISI is written when it differs from the frame before, and stands until another one comes.
+"""
+
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ap_core.dataflash_columns import LogColumns
+from ekf_stub.core.imus import IMU_COLUMNS, MAX_IMUS, TIME_COLUMNS
+from ekf_stub.inputs.inertial import Array
+from viso.logs.record_fields import RecordError
+
+Ints = npt.NDArray[np.int64]
+
+AFTER_THE_FILTER: Final = ("XKF4", "ROFH", "REPH", "REVH", "RBOH", "RSO3", "RSLL", "REV3")
+"""What comes after the filter has run in a frame, whether or not RFRF has already said so."""
+
+EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes: starts, runs
+_SLOW_EKF3: Final = 4  # first bit of RFRF.Slow that is about EKF3
+_NEVER: Final = np.iinfo(np.int64).max
+_DELTA: Final = ("DVX", "DVY", "DVZ", "DAX", "DAY", "DAZ", "DVDT", "DADT")
+_USE_ACCEL: Final = 1 << 0  # of RISI.Flags
+_USE_GYRO: Final = 1 << 1
+_CHUNK: Final = 4096
+
+
+def table_of(log: LogColumns, kind: str, labels: Iterable[str]) -> Array:
+    """Return fields of all records of a kind as numbers, a row a record. Raises RecordError if one is missing."""
+    wanted = tuple(labels)
+    if not log.counts.get(kind):
+        return np.zeros((0, len(wanted)))
+    try:
+        columns = log.columns(kind, wanted).values()
+        return np.column_stack([column.astype(np.float64) for column in columns])
+    except (KeyError, ValueError) as error:
+        raise RecordError(f"{kind} lacks a number in {' or '.join(wanted)}") from error
+
+
+class Frames:
+    """All frames up to a time in which EKF3 runs.
+
+    Attributes:
+        time_us: of each, since boot.
+        is_told: whether RFRF says so. The filter starts in no other frame.
+        starts: where that is in the log, in bytes.
+        runs: where EKF3 has run at the latest: the same, or before what comes after it in the frame.
+        begins, begin_times_us: where all frames begin, whether or not EKF3 runs in them, and when.
+        end: where the log is not read any further.
+    """
+
+    def __init__(self, log: LogColumns, until_us: float) -> None:
+        times = table_of(log, "RFRH", ("TimeUS", "TF"))
+        begins = log.offsets("RFRH")
+        beyond = np.flatnonzero(times[:, 0] > until_us)
+        count = int(beyond[0]) if len(beyond) else len(times)
+        self.end: int = int(begins[count]) if count < len(begins) else _NEVER
+        self.begins: Ints = begins[:count]
+        self.begin_times_us: Ints = times[:count, 0].astype(np.int64)
+        ends = np.append(self.begins[1:], self.end)
+        done = table_of(log, "RFRF", ("FTypes", "Slow"))
+        done_at = log.offsets("RFRF")
+        runs = done[:, 0].astype(np.int64) & EKF3_RUNS != 0
+        starts = _first_within(done_at[runs], self.begins, ends)
+        others = np.sort(np.concatenate([np.zeros(0, np.int64), *map(log.offsets, AFTER_THE_FILTER)]))
+        latest = np.minimum(starts, _first_within(others, self.begins, ends) - 1)
+        late = _value_within(done_at, done[:, 1], self.begins, ends).astype(np.int64) >> _SLOW_EKF3
+        kept = latest < _NEVER - 1
+        self.runs: Ints = latest[kept]
+        self.is_told = (starts < _NEVER)[kept]
+        self.starts: Ints = np.where(starts < _NEVER, starts, latest)[kept]
+        self.time_us: Ints = self.begin_times_us[kept]
+        self._flying_ms, self._late = times[:count, 1][kept], late[kept]
+        self._imus = [_Imu(log, imu, self.runs) for imu in range(MAX_IMUS)]
+        self._chunk_of = -1
+        self._chunk: list[float] = []
+
+    def __len__(self) -> int:
+        return len(self.time_us)
+
+    def problem(self) -> tuple[int, RecordError] | None:
+        """Return from which place in the log on it cannot be used, in bytes, and why; None if all of it can."""
+        found = [imu.bad for imu in self._imus if imu.bad is not None]
+        backwards = np.flatnonzero(np.diff(self.begin_times_us) < 0)
+        if len(backwards):
+            before, after = self.begin_times_us[backwards[0] : backwards[0] + 2]
+            place = int(self.begins[backwards[0] + 1])
+            found.append((place, f"RFRH.TimeUS runs backwards, from {before} to {after}"))
+        if not found:
+            return None
+        place, text = min(found)
+        return place, RecordError(text)
+
+    def imus_with_data(self, frame: int) -> list[int]:
+        """Return the numbers of the IMUs that have said something up to a frame."""
+        return [number for number, imu in enumerate(self._imus) if imu.row[frame] >= 0]
+
+    def usable(self, frame: int, imu: int) -> tuple[bool, bool]:
+        """Return whether gyro and accelerometer of an IMU may be used in a frame."""
+        flags = self._imus[imu].flags[self._imus[imu].row[frame]]
+        return bool(flags & _USE_GYRO), bool(flags & _USE_ACCEL)
+
+    def changes_of_use(self) -> Ints:
+        """Return the frames from which on another IMU has data, or may be used or not."""
+        changed = [np.flatnonzero(np.diff(imu.use_of_frames())) + 1 for imu in self._imus]
+        return np.unique(np.concatenate(changed))
+
+    def rows(self, frame: int, imus: int) -> tuple[list[float], int, int]:
+        """Return rows for the filter with the data of some IMUs, the first of which is of a frame, and up to which.
+
+        Returns:
+            The rows of several frames, one after the other, and the numbers of the first frame and of that after the
+            last.
+        """
+        chunk = frame // _CHUNK
+        first, end = chunk * _CHUNK, min((chunk + 1) * _CHUNK, len(self))
+        if chunk != self._chunk_of:
+            self._chunk_of = chunk
+            table = np.zeros((end - first, TIME_COLUMNS + IMU_COLUMNS * imus))
+            table[:, 0] = self.time_us[first:end]
+            table[:, 1] = self._flying_ms[first:end]
+            table[:, 2] = self._late[first:end]
+            for number, imu in enumerate(self._imus[:imus]):
+                at = TIME_COLUMNS + IMU_COLUMNS * number
+                rows = imu.row[first:end]
+                table[rows >= 0, at : at + IMU_COLUMNS] = imu.deltas[rows[rows >= 0]]
+            self._chunk = table.reshape(-1).tolist()
+        return self._chunk, first, end
+
+
+class _Imu:
+    """What an IMU says.
+
+    Attributes:
+        deltas, flags: of each of its records.
+        row: the number of the record that stands in each frame, -1 before the first.
+        bad: where the first record is that cannot be used, in bytes, and why; None if all can.
+    """
+
+    def __init__(self, log: LogColumns, imu: int, until: Ints) -> None:
+        table = table_of(log, "RISI", (*_DELTA, "Flags", "I"))
+        own = table[:, -1] == imu
+        self.deltas, self.flags = table[own, :-2], table[own, -2].astype(np.int64)
+        places = log.offsets("RISI")[own]
+        self.row: Ints = np.searchsorted(places, until) - 1
+        self.bad: tuple[int, str] | None = None
+        bad = np.argwhere(~np.isfinite(self.deltas))
+        if len(bad):
+            record, column = bad[0].tolist()
+            self.bad = int(places[record]), f"RISI.{_DELTA[column]} is {self.deltas[record, column]}"
+
+    def use_of_frames(self) -> Ints:
+        """Return a number for each frame that says whether it has data and which of its sensors may be used."""
+        if not len(self.flags):
+            return self.row
+        use: Ints = np.where(self.row >= 0, self.flags[np.maximum(self.row, 0)] & (_USE_ACCEL | _USE_GYRO), -1)
+        return use
+
+
+def _first_within(places: Ints, begins: Ints, ends: Ints) -> Ints:
+    """Return the first of some growing places in each of some stretches; never where there is none."""
+    found = np.append(places, _NEVER)[np.searchsorted(places, begins)]
+    inside: Ints = np.where(found < ends, found, _NEVER)
+    return inside
+
+
+def _value_within(places: Ints, values: Array, begins: Ints, ends: Ints) -> Array:
+    """Return the value at the first of some growing places in each of some stretches; 0 where there is none."""
+    at = np.searchsorted(places, begins)
+    is_inside = np.append(places, _NEVER)[at] < ends
+    found: Array = np.where(is_inside, np.append(values, 0.0)[at], 0.0)
+    return found
