@@ -9,8 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from ekf_stub.filter.inertial import Array, InertialDelta
-from ekf_stub.inputs.imus import MAX_IMUS, ImuReading
+from ekf_stub.inputs.inertial import MAX_IMUS, Array, ImuReading, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.sensors.vectors import Three
@@ -18,6 +17,7 @@ from viso.sensors.vectors import Three
 MAX_ERROR: Final = 1000.0
 
 _NONE: Final = (0.0, 0.0, 0.0)
+_DRAWN: Final = 64  # passes for which noise is drawn at once
 _OPTION: Final = "--imu-error"
 _IMU, _BARO, _COMPASS = range(3)  # each with a random sequence of its own
 _IMUS: Final = "imus"
@@ -79,17 +79,35 @@ class _ImuErrors:
         signs = self._noise.choice((-1.0, 1.0), (2, 3)) if imu else np.ones((2, 3))
         self._gyro_bias = signs[0] * np.radians(errors.gyro_bias_deg_s)
         self._accel_bias = signs[1] * np.array(errors.accel_bias_m_s2)
+        self._has_noise = bool(errors.accel_noise_m_s2_rthz or errors.gyro_noise_deg_s_rthz)
+        self._coming = np.zeros((0, 6))
+
+    def ahead(self, rows: Array) -> Array:
+        """Return the inertial data of the next passes, shape (n, 8), with the errors; they stay the next ones."""
+        errors, vel_dt, ang_dt = self._errors, rows[:, 6:7], rows[:, 7:8]
+        del_vel = rows[:, :3] * (1.0 + 0.01 * errors.accel_scale_percent) + self._accel_bias * vel_dt
+        del_ang = rows[:, 3:6] * (1.0 + 0.01 * errors.gyro_scale_percent) + self._gyro_bias * ang_dt
+        if self._has_noise:
+            noise = self._next_noise(len(rows))
+            del_vel += errors.accel_noise_m_s2_rthz * np.sqrt(np.maximum(vel_dt, 0.0)) * noise[:, :3]
+            del_ang += self._gyro_noise * np.sqrt(np.maximum(ang_dt, 0.0)) * noise[:, 3:]
+        return np.hstack((to_single(del_vel), to_single(del_ang), vel_dt, ang_dt))
+
+    def _next_noise(self, passes: int) -> Array:
+        missing = passes - len(self._coming)
+        if missing > 0:
+            self._coming = np.vstack((self._coming, self._noise.standard_normal((max(missing, _DRAWN), 6))))
+        return self._coming[:passes]
+
+    def pass_over(self, passes: int) -> None:
+        """Leave passes behind."""
+        self._coming = self._coming[passes:]
 
     def spoil(self, delta: InertialDelta) -> InertialDelta:
-        """Return inertial data with the errors."""
-        errors, vel_dt, ang_dt = self._errors, delta.del_vel_dt, delta.del_ang_dt
-        del_vel = delta.del_vel * (1.0 + 0.01 * errors.accel_scale_percent) + self._accel_bias * vel_dt
-        del_ang = delta.del_ang * (1.0 + 0.01 * errors.gyro_scale_percent) + self._gyro_bias * ang_dt
-        if errors.accel_noise_m_s2_rthz or errors.gyro_noise_deg_s_rthz:
-            noise = self._noise.standard_normal(6)
-            del_vel += errors.accel_noise_m_s2_rthz * math.sqrt(max(vel_dt, 0.0)) * noise[:3]
-            del_ang += self._gyro_noise * math.sqrt(max(ang_dt, 0.0)) * noise[3:]
-        return InertialDelta(to_single(del_vel), to_single(del_ang), vel_dt, ang_dt)
+        """Return the inertial data of the next pass with the errors, and leave it behind."""
+        (row,) = self.ahead(row_of(delta)[np.newaxis])
+        self.pass_over(1)
+        return InertialDelta(row[:3], row[3:6], delta.del_vel_dt, delta.del_ang_dt)
 
 
 class ErrorModel:
@@ -102,6 +120,7 @@ class ErrorModel:
         self._errors = errors
         self.is_ideal = replace(errors, imus=1.0) == NO_ERRORS
         self._imus = [_ImuErrors(errors, seed, imu) for imu in range(MAX_IMUS)]
+        self._spoiled = self._imus[: int(errors.imus)]
         self._baro, self._compass = (np.random.default_rng([seed, sensor]) for sensor in (_BARO, _COMPASS))
         self._last_baro: tuple[int, float] = (-1, 0.0)
         self._last_mag: tuple[int, Array] = (-1, np.zeros(3))
@@ -127,6 +146,15 @@ class ErrorModel:
             sensors.declination,
             imus,
         )
+
+    def ahead(self, rows: Array) -> Array:
+        """Return what IMUs say in the next passes, shape (n, 8 times as many), given what ideal ones do, (n, 8)."""
+        return rows if self.is_ideal else np.hstack([imu.ahead(rows) for imu in self._spoiled])
+
+    def pass_over(self, passes: int) -> None:
+        """Leave passes behind that got what ``ahead`` had said."""
+        for imu in () if self.is_ideal else self._spoiled:
+            imu.pass_over(passes)
 
     def _spoil_baro(self, time_ms: int, height: float) -> tuple[int, float]:
         if time_ms != self._last_baro[0]:

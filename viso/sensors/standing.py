@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.filter.inertial import GRAVITY_MSS, Array, InertialDelta, row_of
+from ekf_stub.inputs.inertial import GRAVITY_MSS, Array, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.sensors.attitude import quat_of_rpy, rotate_to_body
 from viso.sensors.errors import exact_delta
@@ -53,15 +53,17 @@ class BenchSource(UnmovedSource):
         return self._model.apply(self._ideal)
 
     def ahead(self, times_us: range) -> Array:
-        """Return what passes get until the next reading, if they have no noise and are evenly spaced."""
+        """Return what passes get until the next reading, if they are evenly spaced."""
         follows = self._last_us is not None and times_us[0] - self._last_us == self._dt_us == times_us.step
-        if not self._model.is_ideal or not follows:
+        if not follows:
             return super().ahead(times_us)
-        return self._rows[: len(range(times_us.start, min(times_us.stop, self._next_reading_us + 1), times_us.step))]
+        until_us = min(times_us.stop, self._next_reading_us + 1)
+        return self._model.ahead(self._rows[: len(range(times_us.start, until_us, times_us.step))])
 
     def pass_over(self, times_us: range) -> None:
         """Leave out passes that got what ``ahead`` had said."""
         self._last_us = times_us[-1]
+        self._model.pass_over(len(times_us))
 
     def _move_on(self, dt_us: int) -> InertialDelta:
         dt = 1e-6 * max(SHORTEST_US, min(dt_us, LONGEST_US))

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.filter.inertial import Array, InertialDelta, row_of
+from ekf_stub.inputs.inertial import Array, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.sensors.flying.airframe import MOTORS_OFF, AirframeState, Demand, moved
 from viso.sensors.options import ImuOptions, UnmovedSource
@@ -65,8 +65,8 @@ class FlyingSource(UnmovedSource):
         return after, delta_between(state.seen(), after.seen(), 1e-6 * interval_us)
 
     def ahead(self, times_us: range) -> Array:
-        """Return what passes get until the next reading, if the sensors have no noise."""
-        if not self._model.is_ideal or self._last_us is None:
+        """Return what passes get until the next reading."""
+        if self._last_us is None:
             return super().ahead(times_us)
         if self._coming and self._coming[0][0] != times_us[0]:
             self._coming.clear()
@@ -77,12 +77,13 @@ class FlyingSource(UnmovedSource):
             self._coming.append((time_us, state, delta))
             last_us = time_us
         rows = [row_of(delta) for _, (_, _, delta) in zip(times_us, self._coming, strict=False)]
-        return np.array(rows) if rows else super().ahead(times_us)
+        return self._model.ahead(np.array(rows)) if rows else super().ahead(times_us)
 
     def pass_over(self, times_us: range) -> None:
         """Leave out passes that got what ``ahead`` had said."""
         for time_us in times_us:
             self._go_to(time_us)
+        self._model.pass_over(len(times_us))
 
     def is_at_rest(self, until_us: int) -> bool:
         """Return whether it stands still with its motors off."""
