@@ -67,12 +67,31 @@ def _per_second(figure: Figure) -> float:
     return 1 / figure.best_s
 
 
+def _microseconds(figure: Figure) -> float:
+    return figure.best_s * 1e6
+
+
+def _seconds(figure: Figure) -> float:
+    return figure.best_s
+
+
+def _percent(figure: Figure) -> float:
+    return 100 * figure.best_s
+
+
 TARGETS: Final = (
-    Target("ODOMETRY, bytes to records, by pymavlink's parse", "message", _ratio, 2.5, " times"),
-    Target("vehicle with filter, compiled", "loop-numba", _per_second, 165.0, "x", True),
-    Target("vehicle with filter, plain", "loop", _per_second, 80.0, "x", True),
+    Target("filter, a frame of a core", "filter", _microseconds, 5.0, " us"),
+    Target("filter, a frame of a core, interpreted", "filter-interpreted", _microseconds, 90.0, " us"),
+    Target("vehicle with filter", "loop", _per_second, 200.0, "x", True),
+    Target("vehicle with filter, interpreted", "loop-interpreted", _per_second, 45.0, "x", True),
+    Target("vehicle with 2 IMUs that differ", "loop-2-imus", _per_second, 120.0, "x", True),
+    Target("viso ekf, 108 s, two cores", "ekf", _seconds, 1.5, " s"),
+    Target("viso ekf, by DFReader's time for the same log", "ekf", _ratio, 0.35, " times"),
+    Target("viso doctor, 77 s", "doctor", _seconds, 1.8, " s"),
+    Target("viso serve while nothing is sent, share of a core", "idle", _percent, 3.0, "%"),
+    Target("ODOMETRY, bytes to records, by pymavlink's parse", "message", _ratio, 2.4, " times"),
     Target("100 times the messages", "growth", _ratio, 1.1, ""),
-    Target("start to first accepted", "start", lambda figure: figure.best_s, 0.5, " s"),
+    Target("start to first accepted", "start", _seconds, 0.5, " s"),
     Target(
         "log as columns, times as fast as DFReader",
         "log",

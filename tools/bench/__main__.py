@@ -16,7 +16,7 @@ import pyperf
 from tools.bench.table import BENCHES, Bench
 from tools.measured_page import commit
 
-PACKAGES = ("numpy", "pymavlink", "numpy-quaternion", "numba")
+PACKAGES = ("numpy", "pymavlink", "numpy-quaternion", "mypy")
 
 
 def about() -> dict[str, str]:

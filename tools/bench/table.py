@@ -7,8 +7,8 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Final, NamedTuple
 
-from tools.bench import logs, messages, startup, vehicles, vio
-from viso.vehicle.kernels import NUMBA, PLAIN
+from tools.bench import commands, filter, logs, messages, startup, vehicles, vio
+from tools.bench.interpreted import interpreted
 
 
 class Bench(NamedTuple):
@@ -28,13 +28,19 @@ class Bench(NamedTuple):
 
 
 BENCHES: Final[Mapping[str, Bench]] = {
-    "loop": Bench("s simulated", 1, partial(vehicles.prepare, PLAIN)),
-    "loop-numba": Bench("s simulated", 1, partial(vehicles.prepare, NUMBA)),
-    **{
-        f"loop-{imus}-imus{ending}": Bench("s simulated", 1, partial(vehicles.prepare, kernel, imus=imus))
-        for imus in (2, 3)
-        for kernel, ending in ((PLAIN, ""), (NUMBA, "-numba"))
-    },
+    "filter": Bench("frames", filter.FRAMES, partial(filter.prepare, 1)),
+    "filter-2-cores": Bench("frames", filter.FRAMES, partial(filter.prepare, 2)),
+    "filter-3-cores": Bench("frames", filter.FRAMES, partial(filter.prepare, 3)),
+    "filter-interpreted": Bench("frames", filter.FRAMES, partial(interpreted, partial(filter.prepare, 1))),
+    "loop": Bench("s simulated", 1, vehicles.prepare),
+    "loop-interpreted": Bench("s simulated", 1, partial(interpreted, vehicles.prepare)),
+    "loop-2-imus": Bench("s simulated", 1, partial(vehicles.prepare, imus=2)),
+    "loop-2-imus-interpreted": Bench("s simulated", 1, partial(interpreted, partial(vehicles.prepare, imus=2))),
+    "loop-3-imus": Bench("s simulated", 1, partial(vehicles.prepare, imus=3)),
+    "ekf": Bench("flights", 1, commands.prepare_ekf, beside="ekf-dfreader"),
+    "ekf-dfreader": Bench("flights", 1, commands.prepare_dfreader),
+    "doctor": Bench("flights", 1, commands.prepare_doctor),
+    "idle": Bench("s", commands.IDLE_S, commands.prepare_idle),
     "message": Bench("messages", 100, partial(messages.prepare, 100), beside="parse"),
     "parse": Bench("messages", 100, messages.prepare_parse),
     "growth": Bench("messages", 10_000, partial(messages.prepare, 10_000), beside="message"),

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How fast virtual time runs: the whole vehicle on the bench, with its filter, its log and a companion computer."""
 
-import os
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -20,7 +19,6 @@ from viso.sensors.errors import SensorErrors
 from viso.sensors.options import ImuOptions
 from viso.sensors.standing import BenchSource
 from viso.vehicle.config import by_ekf3
-from viso.vehicle.kernels import KERNEL_VARIABLE
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 # Until it fuses what it is sent, and for longer.
@@ -76,12 +74,8 @@ class FullVehicle:
         return elapsed_s
 
 
-def prepare(kernel: str, stack: ExitStack, *, imus: int = 1) -> Callable[[], float]:
-    """Start a vehicle on a kernel, which this process keeps; a round is a second of it.
-
-    An interpreter fits itself to the types that it has met: a kernel that comes second in a process is slower.
-    """
-    os.environ[KERNEL_VARIABLE] = kernel
+def prepare(stack: ExitStack, *, imus: int = 1) -> Callable[[], float]:
+    """Start a vehicle; a round is a second of it."""
     run = FullVehicle(Path(stack.enter_context(TemporaryDirectory())), imus=imus)
     stack.callback(run.vehicle.close)
     run.run(WARM_UP_MESSAGES)

@@ -29,16 +29,14 @@ from viso.companion.vio.types import VioState
 from viso.companion.world.ground import generate_texture
 from viso.errors import InputError
 from viso.logs.files import LogStore
-from viso.vehicle.kernels import KERNEL_VARIABLE, PLAIN
 
-SLOW = {"start", "growth", "vio-640x480", "vio-5472x3648"} | {name for name in BENCHES if name.startswith("loop")}
+QUICK = {"filter", "message", "parse", "log", "dfreader"}
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in BENCHES]
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in BENCHES]
 )
-def test_round_of_a_bench_takes_time(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(KERNEL_VARIABLE, PLAIN)
+def test_round_of_a_bench_takes_time(name: str) -> None:
     with ExitStack() as stack:
         do_round = BENCHES[name].prepare(stack)
         assert 0 < do_round() < math.inf
