@@ -3,10 +3,9 @@
 """The check of the house finds what is out of order, and the picture shows the contracts as they are."""
 
 import re
-from pathlib import Path
 from typing import Any
 
-from tools.house import FRONTEND, MOST_MODULES, circle, crowded, open_plans
+from tools.house import FRONTEND, circle, open_plans
 from tools.rooms_picture import draw, rooms
 
 CONTRACTS: list[dict[str, Any]] = [
@@ -14,12 +13,6 @@ CONTRACTS: list[dict[str, Any]] = [
     {"type": "layers", "containers": ["shop"], "layers": ["counter", "shelf | till"], "exhaustive": True},
     {"type": "forbidden", "source_modules": ["floor"], "forbidden_modules": ["socket"]},
 ]
-
-
-def test_a_folder_with_too_many_modules_is_found() -> None:
-    full = [Path("a", f"{count}.py") for count in range(MOST_MODULES)]
-    assert list(crowded(full)) == []
-    assert [line.split()[0] for line in crowded([*full, Path("a/more.py"), Path("a/b/c.py")])] == ["a"]
 
 
 def test_a_circle_is_found_and_the_firmwares_own_is_not() -> None:
