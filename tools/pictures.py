@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw the pictures of the pages: the way of a message, frames, alignment, horizon; each in light and in dark.
+"""Draw the pictures of the pages: the way of a message, frames, alignment, horizon, filter; each in light and in dark.
 
 Codes and outcomes come from the tables of the code; `tools/make_docs.py` writes the files and checks them.
 A page shows one with `<picture>`, whose `<source>` asks for the reader's colour scheme, as GitHub does. The site makes
@@ -13,12 +13,13 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Final
 
 from ap_core.verdict import Rule, Verdict
 from ap_visualodom import verdicts as port
+from ekf_stub.core.samples import HALF_FILTER_STEP_MS
 from ekf_stub.inputs import ingest_rules as ekf
-from ekf_stub.inputs.ext_nav_ingest import HALF_FILTER_STEP_MS
 from mav_handlers import verdicts as endpoint
 from mav_handlers.signing import verdicts as signing
 from viso.fates.labels import fate_of
@@ -416,11 +417,56 @@ def _horizon() -> Picture:
     return 472, parts
 
 
+# The filter from inside
+
+_FUSED: Final = "yaw: camera, compass, GPS", "position, velocity, height", "optical flow", "body odometry"
+
+
+def _filter() -> Picture:
+    """The way of a row of inertial data through a core, and where samples of other sensors come in."""
+    left, wide, middle = 234, 262, 365
+    stages = (
+        (40, 40, ("a row of inertial data", "one for each pass: times, then each IMU"), "lanes.py"),
+        (104, 40, ("the IMU of the core", "or the one that stands in for it"), "imus.py"),
+        (168, 40, ("passes add up to a step", f"of {_STEP_MS} ms, which waits for the horizon"), "inertial.py"),
+        (232, 40, ("predict", "the 22 states and their covariance"), "state.py, covariance.py"),
+        (296, 92, ("fuse what has come due", *_FUSED), "yaw_fusion.py, vel_pos.py"),
+        (424, 40, ("status flags", "and the aiding mode, one pass later"), "flags.py, aiding.py"),
+        (488, 40, ("output predictor", "from the horizon to the present"), "output.py"),
+    )
+    parts = []
+    for y, height, (title, *lines), file in stages:
+        parts += [_box(left, y, wide, height), _text(left + 10, y + 16, title, "title")]
+        parts += _lines(left + 10, y + 33, *lines)
+        parts.append(_text(left + wide + 12, y + 16, file, "code soft"))
+    for (y, height, *_), (below, *_) in pairwise(stages):
+        parts.append(_path([(middle, y + height), (middle, below)]))
+    # Samples
+    parts += [_box(12, 232, 170, 72), _text(22, 248, "samples", "title")]
+    parts += _lines(22, 265, "taken or refused, then", "wait in a buffer for", "the horizon")
+    parts += [_text(22, 322, "ext_nav.py, gps.py, ...", "code soft"), _text(22, 338, "samples.py", "code soft")]
+    parts.append(_path([(182, 268), (216, 268), (216, 340), (left, 340)], "amber"))
+    parts += _lines(
+        12, 168, "external navigation, GPS,", "height, compass, flow,", "ranges, body odometry", look="amber"
+    )
+    parts.append(_path([(97, 206), (97, 232)], "amber"))
+    # Present data
+    parts.append(_path([(left + wide, 138), (706, 138), (706, 520), (left + wide + 2, 520)], "blue", dashed=True))
+    parts.append(_text(700, 484, "inertial data of the present", "blue", "end"))
+    # What comes of it
+    parts.append(_path([(middle, 528), (middle, 552)], "blue"))
+    parts.append(_text(middle, 568, "attitude, velocity and position of now", "blue", "middle"))
+    parts.append(_path([(left, 380), (97, 380), (97, 424)], "green"))
+    parts += _lines(12, 440, "events: texts, what became of", "each sample (events.py)", look="green")
+    return 584, parts
+
+
 PICTURES: Final[Mapping[str, Callable[[], Picture]]] = {
     "message": _message,
     "frames": _frames,
     "alignment": _alignment,
     "horizon": _horizon,
+    "filter": _filter,
 }
 
 
