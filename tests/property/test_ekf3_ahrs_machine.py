@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
@@ -98,7 +98,7 @@ class Trip:
     """A vehicle, a client that reads all it sends, and a camera that sees it move as it should.
 
     Args:
-        kind: where inertial data come from, of ``MAKERS``.
+        kind: where inertial data come from, of ``makers``.
         start_us: when it boots.
         defaults: parameters beside ``DEFAULTS``.
 
@@ -108,10 +108,12 @@ class Trip:
         is_seen: whether the camera sees anything.
     """
 
+    makers: ClassVar = MAKERS
+
     def __init__(self, kind: str, start_us: int = 0, **defaults: float) -> None:
         self.log = MemoryLog()
         config = VehicleConfig(
-            MAKERS[kind], defaults={**DEFAULTS, **defaults}, open_log=lambda: self.log, vicon=kind == "fly"
+            self.makers[kind], defaults={**DEFAULTS, **defaults}, open_log=lambda: self.log, vicon=kind == "fly"
         )
         self.vehicle = Vehicle(config)
         self.channel = self.vehicle.endpoint.open_channel("link")

@@ -96,5 +96,5 @@ def test_serving_imports_nothing_heavy_up_to_an_accepted_message(tmp_path: Path)
                 assert any('"outcome": "accepted"' in line for line in process.stdout)
                 process.terminate()
                 modules = listed(process.communicate(timeout=60)[1])
-    assert "ekf_stub.core.ekf3_core" in modules
+    assert "ekf_stub.core.core" in modules
     assert modules & HEAVY == set()

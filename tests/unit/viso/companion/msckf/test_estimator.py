@@ -96,8 +96,10 @@ def flown(relief_m: float) -> Flight:
     return Flight(PointWorld(relief_m=relief_m), None if relief_m else GROUND).fly(80)
 
 
-@pytest.mark.parametrize(("relief_m", "limit_m"), [(0.0, 1.0), pytest.param(RELIEF_M, 2.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("relief_m", "limit_m"), [(0.0, 1.0), pytest.param(RELIEF_M, 2.6, marks=pytest.mark.slow)])
 def test_flight_stays_on_course(relief_m: float, limit_m: float) -> None:
+    # Above relief, eight draws of the noise ended 1.5 to 2.2 m away: 1.8 m on average, with 0.25 m between them.
+    # Processors round otherwise, which is worth another draw.
     assert flown(relief_m).position_error_m() < limit_m
 
 
