@@ -70,8 +70,3 @@ def int64_of_float(value: float) -> int:
 def float_of_u64(value: int) -> np.float32:
     """Convert an unsigned 64-bit integer to float32 with a single rounding."""
     return np.float32(np.uint64(u64(value)).astype(np.float32))
-
-
-def later_ms(first: int, second: int) -> int:
-    """Return the later of two times in ms that wrap at 2^32 and are less than half of that apart."""
-    return first if 0 < (first - second & 0xFFFFFFFF) <= _I32_MAX else second

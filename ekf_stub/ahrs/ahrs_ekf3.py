@@ -35,9 +35,9 @@ from ekf_stub.core.params import RANGEFINDER
 from ekf_stub.core.vectors import euler_of
 from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
-from ekf_stub.inputs.inertial import Array, numbers_of, row_of
+from ekf_stub.inputs.inertial import Array, numbers_of
 from ekf_stub.inputs.ingest_rules import KINDS, RULES, FilterOutcome
-from ekf_stub.inputs.places import from_imu, gps_seen_from
+from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
 from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 from ekf_stub.inputs.sources import SourceYaw
@@ -57,6 +57,7 @@ from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO, NUMBER_OF_IMUS, cores
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 
 _MODES: Final = {NO_AIDING: AidingMode.NONE, ABSOLUTE: AidingMode.ABSOLUTE, RELATIVE: AidingMode.RELATIVE}
+_FIRST_IMU: Final = 0
 _OLD_EXTERNAL_YAW: Final = (5, 6)  # of EK3_MAG_CAL
 _HORIZ_POS: Final = FilterFlag.HORIZ_POS_ABS | FilterFlag.HORIZ_POS_REL
 _REPORTED: Final = (1 << 10) - 1  # flags that EKF_STATUS_REPORT has as they are
@@ -109,15 +110,12 @@ class Ekf3Ahrs(AhrsBase):
         self._imu_pos: Vector3f | None = None
         self._lever = (0.0, 0.0, 0.0)
         self._has_flow = FromParams(parts.params, parts.has_flow)
-        self._gps_given: GpsSample | None = None
-        self._gps_moved: GpsSample | None = None
-        self._gps_imu_pos: Vector3f | None = None
-        self._ranges_given: RangeState | None = None
-        self._ranges: RangeState | None = None
-        self._ranges_imu_pos: Vector3f | None = None
+        self._imu_frd = FromParams(parts.params, lambda: _floats(parts.imu_pos()))
+        self._gps_seen = Moved(gps_seen_from)
+        self._ranges_seen = Moved(RangeState.seen_from)
         self._terrain_is_stable: bool | None = None
         self._sensors: Sensors | None = None
-        self._measured: Array | None = None
+        self._measured: list[float] = []  # by the first IMU, and further ones, in the last pass
         self._baro_zero_m = self._gps_lag_s = 0.0
         self._is_set_up = self._active = self._has_camera = self._is_stopped = False
         self._yaw_reset_ms = self._primary = 0
@@ -154,7 +152,7 @@ class Ekf3Ahrs(AhrsBase):
 
     def _take(self, sensors: Sensors) -> None:
         self._sensors = sensors
-        self._measured = row_of(sensors.delta)
+        self._measured = numbers_of(sensors.delta)
 
     def _run_pass(self, sensors: Sensors, now_us: int) -> None:
         if not self._is_set_up:
@@ -199,7 +197,7 @@ class Ekf3Ahrs(AhrsBase):
                 times = times_us[done : done + len(ahead)]
                 count = cores.lanes.advance(self._rows(times, ahead), 0, len(times))
                 self._source.pass_over(times[:count])
-                self._measured = ahead[count - 1]
+                self._measured = ahead[count - 1].tolist()
                 done += count
                 ran_us = times[count - 1]
                 set_us(ran_us)
@@ -324,19 +322,13 @@ class Ekf3Ahrs(AhrsBase):
 
     def _gps(self) -> GpsSample | None:
         """Return the newest solution with its antenna's place from the IMU: the same until either changes."""
-        given, imu_pos = self._parts.gps(), self._place_of_imu()
-        if given is not self._gps_given or imu_pos is not self._gps_imu_pos:
-            self._gps_given, self._gps_imu_pos = given, imu_pos
-            self._gps_moved = None if given is None else gps_seen_from(given, _floats(imu_pos))
-        return self._gps_moved
+        given = self._parts.gps()
+        return None if given is None else self._gps_seen(_FIRST_IMU, given, self._imu_frd())
 
     def _range_finders(self) -> RangeState | None:
         """Return what the range finders say, with their places from the IMU: the same until that changes."""
-        given, imu_pos = self._parts.ranges(), self._place_of_imu()
-        if given is not self._ranges_given or imu_pos is not self._ranges_imu_pos:
-            self._ranges_given, self._ranges_imu_pos = given, imu_pos
-            self._ranges = None if given is None else given.seen_from(_floats(imu_pos))
-        return self._ranges
+        given = self._parts.ranges()
+        return None if given is None else self._ranges_seen(_FIRST_IMU, given, self._imu_frd())
 
     def _lever_arm(self) -> Three:
         """Return the camera's place from the IMU, m, body (FRD)."""
@@ -404,10 +396,10 @@ class Ekf3Ahrs(AhrsBase):
 
     def get_imu(self) -> tuple[Vector3f, Vector3f] | None:
         """Return what the first IMU measures."""
-        if self._measured is None or not (self._measured[6:8] > 0).all():
+        *deltas, vel_dt, ang_dt = self._measured[:8] or (0.0, 0.0)
+        if not (vel_dt > 0 and ang_dt > 0):
             return None
-        del_vel, del_ang, (vel_dt, ang_dt) = np.split(self._measured[:8], (3, 6))
-        return Vector3f(*del_vel / vel_dt), Vector3f(*del_ang / ang_dt)
+        return Vector3f(*(delta / vel_dt for delta in deltas[:3])), Vector3f(*(delta / ang_dt for delta in deltas[3:]))
 
     def get_gyro(self) -> Vector3f:
         """Return the body rates in rad/s, without bias."""
@@ -547,7 +539,7 @@ class Ekf3Ahrs(AhrsBase):
         """Log what a flow sensor measured, then hand it to the filter."""
         super().write_flow(measured, time_ms)
         if self.cores is not None and not self._is_stopped:
-            place = from_imu(measured.offset, _floats(self._place_of_imu()))
+            place = from_imu(measured.offset, self._imu_frd())
             for lane, core in enumerate(self.cores.lanes.cores):
                 offset = from_imu(place, self.cores.place_of_imu(lane))
                 core.write_flow(measured.quality, measured.flow, measured.gyro, offset)

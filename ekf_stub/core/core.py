@@ -13,7 +13,6 @@ then body odometry.
 """
 
 import math
-import struct
 from typing import Final, final
 
 from ap_core.location import Location
@@ -53,6 +52,7 @@ from ekf_stub.core.vectors import (
     scaled,
     signed_since_ms,
     since_ms,
+    single,
     smaller,
     square,
     sub,
@@ -789,7 +789,7 @@ class Core:
             return 0
         if self._corrects_measurements():
             return common.alt_cm
-        return int(_single(100.0 * _single(self._origin_height.reference_m)))
+        return int(single(100.0 * single(self._origin_height.reference_m)))
 
     def position(self) -> Vec3:
         """Return the present position, metres NED from the common origin as it was set (getPosNE, getPosD).
@@ -809,9 +809,3 @@ class Core:
             away_north, away_east, _ = distance_ned(common, self.origin or Location(0, 0, 0))
             north, east = north + away_north, east + away_east
         return north, east, down
-
-
-def _single(value: float) -> float:
-    """Return a number in single precision."""
-    (rounded,) = struct.unpack("<f", struct.pack("<f", value))
-    return float(rounded)

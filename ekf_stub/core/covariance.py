@@ -17,7 +17,9 @@ from ekf_stub.core.vectors import Quat, Rotation, Vec2, Vec3, larger
 
 STATES: Final = 22
 VEL: Final = 4
+VEL_D: Final = 6
 POS: Final = 7
+POS_D: Final = 9
 GYRO: Final = 10
 ACCEL: Final = 13
 EARTH: Final = 16

@@ -8,7 +8,7 @@ since boot, unsigned 32 bit: a stamp that steps backwards is a long way off, and
 """
 
 import math
-from typing import Final, final
+from typing import Final, TypeVar, final
 
 from ekf_stub.core import events as ev
 from ekf_stub.core.events import Events
@@ -43,6 +43,9 @@ from ekf_stub.core.vectors import (
 _INTERVAL_MIN_MS: Final = 20
 _DT_EKF_AVG: Final = 0.012500000186264515  # float32 of 0.0125, where the firmware's average settles at 400 Hz
 _MIN_YAW_ERR: Final = 0.08726646006107330  # float32 of 5 degrees
+
+
+T = TypeVar("T", bound=Sample)
 
 
 @final
@@ -115,12 +118,12 @@ class ExtNav:
         self.have_pose = True
         is_reset = reset_ms != self._reset_time_ms
         self._reset_time_ms = reset_ms
-        self._note_push(ev.POSE, self._poses.push(PoseSample(time_ms, pos, pos_err, is_reset)), time_ms)
+        self._push(self._poses, PoseSample(time_ms, pos, pos_err, is_reset), ev.POSE)
         if math.isnan(yaw) or math.isnan(yaw_err):
             self._events.tell(ev.YAW, ev.YAW_NOT_A_NUMBER, time_ms)
         else:
             err = _MIN_YAW_ERR if yaw_err < _MIN_YAW_ERR else yaw_err
-            self._note_push(ev.YAW, self._yaws.push(YawSample(time_ms, yaw, err)), time_ms)
+            self._push(self._yaws, YawSample(time_ms, yaw, err), ev.YAW)
 
     def _refuse_pose(self, pos: Vec3, pos_err: float, stamp_ms: int) -> int:
         if not self._is_set_up:
@@ -140,7 +143,7 @@ class ExtNav:
             return
         self.velocity_stamp_ms = stamp_ms
         self.have_velocity = True
-        self._note_push(ev.VELOCITY, self._velocities.push(VelocitySample(time_ms, vel, err)), time_ms)
+        self._push(self._velocities, VelocitySample(time_ms, vel, err), ev.VELOCITY)
 
     def _refuse_velocity(self, vel: Vec3, err: float, stamp_ms: int) -> int:
         if not self._is_set_up:
@@ -173,7 +176,7 @@ class ExtNav:
         self.odometry_ms = time_ms
         self.have_odometry = True
         self.odometry_err = err
-        self._note_push(ev.ODOMETRY, self._odometry.push(OdometrySample(time_ms, vel, err, offset)), time_ms)
+        self._push(self._odometry, OdometrySample(time_ms, vel, err, offset), ev.ODOMETRY)
 
     def _refuse_odometry(self, del_time: float, has_nan: bool, stamp_ms: int) -> int:
         if not self._is_set_up:
@@ -190,58 +193,46 @@ class ExtNav:
         """Return the time of the observation, never before the horizon: what comes late is fused as if in time."""
         return later_ms((stamp_ms - delay_ms - HALF_FILTER_STEP_MS) & U32, self.horizon_ms)
 
-    def _note_push(self, kind: int, gone: Sample | None, time_ms: int) -> None:
-        if gone is not None and gone.time_ms == time_ms and not self._exists(kind):
-            self._events.tell(kind, ev.NO_BUFFER, time_ms)
+    def _push(self, ring: ObsRing[T], sample: T, kind: int) -> None:
+        """Put a sample into its buffer, if there is one."""
+        if ring.size <= 0:
+            self._events.tell(kind, ev.NO_BUFFER, sample.time_ms)
             return
+        gone = ring.push(sample)
         if gone is not None:
             self._events.tell(kind, ev.OVERWRITTEN, gone.time_ms)
-        self._events.tell(kind, ev.TAKEN, time_ms)
-
-    def _exists(self, kind: int) -> bool:
-        return (self._odometry.size if kind == ev.ODOMETRY else self._poses.size) > 0
+        self._events.tell(kind, ev.TAKEN, sample.time_ms)
 
     # What comes due
 
     def recall_yaw(self) -> YawSample | None:
         """Take out the yaw that has come due."""
-        if not self._yaws.has_due(self.horizon_ms):
-            return None
-        lost: list[YawSample] = []
-        found = self._yaws.recall(self.horizon_ms, lost)
-        for sample in lost:
-            self._tell_lost(ev.YAW, sample.time_ms)
-        return found
+        return self._recall(self._yaws, ev.YAW)
 
     def recall_odometry(self) -> OdometrySample | None:
         """Take out the odometry that has come due."""
-        if not self._odometry.has_due(self.horizon_ms):
-            return None
-        lost: list[OdometrySample] = []
-        found = self._odometry.recall(self.horizon_ms, lost)
-        for sample in lost:
-            self._tell_lost(ev.ODOMETRY, sample.time_ms)
-        return found
+        return self._recall(self._odometry, ev.ODOMETRY)
 
     def recall(self, rotation: Rotation, step: Inertial, lever_arm: Vec3) -> None:
         """Take out pose and velocity that have come due, and move them from the camera to the IMU.
 
         The camera's place is as seen from there, m, body (FRD).
         """
-        self.has_pose = False
-        self.has_velocity = False
-        if self._poses.has_due(self.horizon_ms):
-            poses: list[PoseSample] = []
-            pose = self._poses.recall(self.horizon_ms, poses)
-            for lost_pose in poses:
-                self._tell_lost(ev.POSE, lost_pose.time_ms)
-            self.has_pose = pose is not None and self._take_pose(pose, rotation, lever_arm)
-        if self._velocities.has_due(self.horizon_ms):
-            velocities: list[VelocitySample] = []
-            velocity = self._velocities.recall(self.horizon_ms, velocities)
-            for lost_velocity in velocities:
-                self._tell_lost(ev.VELOCITY, lost_velocity.time_ms)
-            self.has_velocity = velocity is not None and self._take_velocity(velocity, rotation, step, lever_arm)
+        pose = self._recall(self._poses, ev.POSE)
+        self.has_pose = pose is not None and self._take_pose(pose, rotation, lever_arm)
+        velocity = self._recall(self._velocities, ev.VELOCITY)
+        self.has_velocity = velocity is not None and self._take_velocity(velocity, rotation, step, lever_arm)
+
+    def _recall(self, ring: ObsRing[T], kind: int) -> T | None:
+        """Take out of a buffer what has come due; report those that were lost to a newer one, or by their age."""
+        if not ring.has_due(self.horizon_ms):
+            return None
+        lost: list[T] = []
+        found = ring.recall(self.horizon_ms, lost)
+        for sample in lost:
+            is_fresh = signed_since_ms(self.horizon_ms, sample.time_ms) < RECALL_WINDOW_MS
+            self._events.tell(kind, ev.SUPERSEDED if is_fresh else ev.TOO_OLD, sample.time_ms)
+        return found
 
     def _take_pose(self, sample: PoseSample, rotation: Rotation, lever_arm: Vec3) -> bool:
         if not (is_finite(sample.pos) and math.isfinite(sample.err)):
@@ -264,11 +255,6 @@ class ExtNav:
             vel = sub(vel, to_earth(rotation, cross(body_rate, lever_arm)))
         self.velocity = VelocitySample(sample.time_ms, vel, sample.err)
         return True
-
-    def _tell_lost(self, kind: int, time_ms: int) -> None:
-        """Report a sample that left its buffer in a step but was not recalled."""
-        is_fresh = signed_since_ms(self.horizon_ms, time_ms) < RECALL_WINDOW_MS
-        self._events.tell(kind, ev.SUPERSEDED if is_fresh else ev.TOO_OLD, time_ms)
 
 
 def _has_nan(vector: Vec3) -> bool:

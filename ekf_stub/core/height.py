@@ -5,17 +5,17 @@
 Source: AP_NavEKF3_PosVelFusion.cpp (selectHeightForFusion), AP_NavEKF3_Measurements.cpp (correctEkfOriginHeight).
 """
 
-import struct
 from typing import Final, final
 
 from ekf_stub.core.aiding import Aiding, Vehicle
+from ekf_stub.core.covariance import POS_D
 from ekf_stub.core.ext_nav import ExtNav
 from ekf_stub.core.gps import CENTI, HEIGHT_TO_HORIZONTAL, Gps
 from ekf_stub.core.params import BARO, EXTNAV, GPS, NONE, RANGEFINDER, EkfSources, Params
 from ekf_stub.core.samples import BaroSample, ObsRing
 from ekf_stub.core.state import State
 from ekf_stub.core.terrain import Terrain
-from ekf_stub.core.vectors import larger, length2, limited, since_ms, square
+from ekf_stub.core.vectors import larger, length2, limited, since_ms, single, square
 
 # Bits of EK3_OGN_HGT_MASK:
 _BY_BARO: Final = 1  # GPS corrects the origin's height while height comes from the barometer
@@ -49,7 +49,7 @@ class OriginHeight:
     @property
     def excess_m(self) -> float:
         """How much higher the origin is than it was set, in single precision."""
-        return _single(self.reference_m - CENTI * self.alt_cm)
+        return single(self.reference_m - CENTI * self.alt_cm)
 
     def correct(self, horizon_ms: int, innovation_m: float, variance: float, drift_m_s: float, is_good: bool) -> None:
         """Correct it by a solution of the GPS, if that is good enough to be believed.
@@ -67,11 +67,6 @@ class OriginHeight:
             self.variance -= gain * self.variance
 
 
-def _single(value: float) -> float:
-    (rounded,) = struct.unpack("<f", struct.pack("<f", value))
-    return float(rounded)
-
-
 FRESH_MS: Final = 500
 _GPS_LOST_MS: Final = 2000
 _HEIGHT_RETRY_MS: Final = 5000
@@ -84,7 +79,6 @@ _GROUND_LOST_MS: Final = 1000
 _LOWER_SWITCH: Final = 0.7
 _OFFSET_GAIN: Final = 0.1
 _OFFSET_STEP_LIMIT: Final = 5.0
-_POS_D: Final = 9
 
 
 @final
@@ -165,7 +159,7 @@ class HeightSource:
         self._origin_height.correct(
             self._ext_nav.horizon_ms,
             fix.pos[2] - self._state.pos[2],
-            square(gps.height_accuracy) + self._state.cov.var(_POS_D),
+            square(gps.height_accuracy) + self._state.cov.var(POS_D),
             _BARO_DRIFT_M_S if self.active == BARO else by_slope,
             gps.accuracy_good,
         )

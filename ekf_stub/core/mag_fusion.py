@@ -28,7 +28,6 @@ from ekf_stub.core.vectors import (
     sub,
     to_body,
     to_earth,
-    within,
 )
 
 _RATE_SCALE: Final = 0.005  # of the noise, Gauss per rad/s
@@ -41,7 +40,6 @@ _MAX_DECLINATION_INNOVATION: Final = 0.5
 _LEARNED_VAR: Final = 0.01 * 0.01
 _MIN_NORTH_FIELD: Final = 1e-3
 _MIN_LEVEL_FIELD_SQUARED: Final = 1e-4
-_MAX_BODY_FIELD: Final = 0.5
 
 
 @final
@@ -186,8 +184,7 @@ class MagFusion:
         return cov.look_along(0, STATES)
 
     def _limit(self) -> None:
-        state = self._state
-        around = 0.001 * self._params.MAG_EF_LIM
+        state, around = self._state, 0.001 * self._params.MAG_EF_LIM
         if around > 0:
             north, east, down = self._table_field
             state.set_earth_field(
@@ -197,7 +194,6 @@ class MagFusion:
                     limited(state.earth_field[2], down - around, down + around),
                 )
             )
-        state.set_body_field(within(state.body_field, _MAX_BODY_FIELD))
 
     def note_learned(self, is_set_in_flight: bool) -> None:
         """Note how well the fields are known, once they were set in flight (SelectMagFusion)."""

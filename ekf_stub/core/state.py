@@ -10,7 +10,7 @@ noise, limits and order are the firmware's. Nothing that is not finite gets in.
 import math
 from typing import Final, final
 
-from ekf_stub.core.covariance import ACCEL, EARTH, GYRO, MIN_ACCEL_VAR, POS, STATES, VEL, Covariance
+from ekf_stub.core.covariance import ACCEL, EARTH, GYRO, MIN_ACCEL_VAR, POS, POS_D, STATES, VEL, VEL_D, Covariance
 from ekf_stub.core.inertial import GRAVITY_MSS, MIN_DT, Inertial
 from ekf_stub.core.params import Params
 from ekf_stub.core.vectors import (
@@ -64,8 +64,6 @@ _POORLY_OBSERVABLE_COSINE: Final = math.sqrt(0.5)
 _MAX_ACCEL_WITHOUT_AIDING: Final = 5.0
 _BAD_ACCEL_NOISE: Final = 5.0  # m/s/s
 _ALL_ACCEL: Final = 7 << 13  # a bit for each state of the accelerometer's bias
-_VEL_D: Final = 6
-_POS_D: Final = 9
 
 
 def within_vel(vel: Vec3) -> Vec3:
@@ -169,8 +167,8 @@ class State:
         """Take the accelerometers for bad or good; bad ones keep variances of climb and height from being small."""
         if is_bad != self.accel_is_bad:
             self.accel_is_bad = is_bad
-            self.cov.set_limits(_VEL_D, _VEL_D + 1, vel_down_var if is_bad else _MIN_VEL_POS_VAR, _MAX_VEL_VAR)
-            self.cov.set_limits(_POS_D, _POS_D + 1, height_var if is_bad else _MIN_VEL_POS_VAR, _MAX_POS_VAR)
+            self.cov.set_limits(VEL_D, VEL_D + 1, vel_down_var if is_bad else _MIN_VEL_POS_VAR, _MAX_VEL_VAR)
+            self.cov.set_limits(POS_D, POS_D + 1, height_var if is_bad else _MIN_VEL_POS_VAR, _MAX_POS_VAR)
 
     # Prediction
 
@@ -326,7 +324,7 @@ class State:
         for axis in range(3):
             if abs(self.rotation[2][axis]) > _POORLY_OBSERVABLE_COSINE:
                 left_alone |= 1 << (GYRO + axis)
-        is_vertical = state == _VEL_D or state == _POS_D
+        is_vertical = state == VEL_D or state == POS_D
         return left_alone if is_vertical and not self.accel_is_bad else left_alone | _ALL_ACCEL
 
     def look_along_yaw(self, by_321: bool) -> float:

@@ -6,6 +6,7 @@ import math
 from typing import Final, final
 
 from ekf_stub.core.aiding import RELATIVE, Aiding
+from ekf_stub.core.covariance import VEL_D
 from ekf_stub.core.gps import Gps
 from ekf_stub.core.params import Params, gate
 from ekf_stub.core.ranges import RangeFinders
@@ -21,7 +22,6 @@ _LEAST_SPEED: Final = 5.0
 _MAX_DISTANCE: Final = 10.0
 _MAX_INTERVAL_S: Final = 1.0
 _LEAST_VAR_WITH_FLOW: Final = 1e-6
-_VEL_D: Final = 6
 
 
 @final
@@ -110,7 +110,7 @@ class Terrain:
         interval_s = smaller(1e-3 * (now_ms - self._estimated_ms), _MAX_INTERVAL_S)
         self._estimated_at, self._estimated_ms = (north, east), now_ms
         self.variance += square(smaller(moved, _MAX_DISTANCE) * self._params.TERR_GRAD)
-        self.variance += interval_s * interval_s * self._state.cov.var(_VEL_D)
+        self.variance += interval_s * interval_s * self._state.cov.var(VEL_D)
 
     def _upright(self) -> float:
         """Return the cosine of the tilt, with what was fused in this step."""

@@ -6,6 +6,7 @@ A quaternion (w, x, y, z) or a rotation matrix turns vectors of the body (FRD) t
 """
 
 import math
+import struct
 from typing import Final
 
 Vec2 = tuple[float, float]
@@ -40,6 +41,12 @@ def larger(a: float, b: float) -> float:
 def smaller(a: float, b: float) -> float:
     """Return the smaller of two numbers; the first if the second is NaN."""
     return b if b < a else a
+
+
+def single(value: float) -> float:
+    """Return the number in single precision."""
+    (rounded,) = struct.unpack("<f", struct.pack("<f", value))
+    return float(rounded)
 
 
 def is_finite(a: Vec3) -> bool:

@@ -7,7 +7,7 @@ from typing import Final, final
 
 from ekf_stub.core import events as ev
 from ekf_stub.core.aiding import ABSOLUTE, NO_AIDING, Aiding, Vehicle
-from ekf_stub.core.covariance import POS, VEL
+from ekf_stub.core.covariance import POS, POS_D, VEL
 from ekf_stub.core.events import Events
 from ekf_stub.core.ext_nav import ExtNav
 from ekf_stub.core.gps import Gps, GpsFix
@@ -33,7 +33,6 @@ _REST_AFTER_MS: Final = 1000
 _VEL_MIN_NOISE: Final = 0.05
 _VEL_MAX_NOISE: Final = 50.0
 _VEL_MAX_GATE_NOISE: Final = 5.0
-_POS_D: Final = 9
 
 
 @final
@@ -297,7 +296,7 @@ class VelPosFusion:
             down = (
                 self._fuse_height_near_ground()
                 if by_ground_effect
-                else self._update(_POS_D, height.down, height.variance)
+                else self._update(POS_D, height.down, height.variance)
             )
             self.pos_innovation = self.pos_innovation[0], self.pos_innovation[1], down
 
@@ -319,7 +318,7 @@ class VelPosFusion:
     def _fuse_height_near_ground(self) -> float:
         innovation = self._state.pos[2] - self._height.down
         innovation += limited(_GROUND_EFFECT_FLOOR - innovation, 0.0, _GROUND_EFFECT_FLOOR + _GROUND_EFFECT_DEAD_ZONE)
-        self._state.update_state(_POS_D, innovation, self._height.variance)
+        self._state.update_state(POS_D, innovation, self._height.variance)
         return innovation
 
     def _limits_glitches(self) -> bool:
@@ -387,7 +386,7 @@ class VelPosFusion:
         height, state, aiding = self._height, self._state, self._aiding
         innovation = state.pos[2] - height.down
         self.pos_innovation = self.pos_innovation[0], self.pos_innovation[1], innovation
-        spread = state.cov.var(_POS_D) + height.variance
+        spread = state.cov.var(POS_D) + height.variance
         ratio = square(innovation) / (gate(self._params.HGT_I_GATE) * spread)
         self.height_ratio = ratio
         standing = aiding.mode == NO_AIDING and vehicle.on_ground

@@ -3,15 +3,12 @@
 """Inertial data as sensors hand them in: what comes in each pass of the main loop."""
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-
-GRAVITY_MSS: Final = 9.80665
-MAX_IMUS: Final = 3
 
 
 @dataclass(slots=True)

@@ -34,7 +34,6 @@ from ekf_stub.log.ekf_log_structure import (
     XKY0,
     XKY1,
 )
-from ekf_stub.log.reporting import stillness_of
 from ekf_stub.reports.core_report import CoreReport, GsfReport
 
 COVARIANCE_INTERVAL_MS: Final = 490
@@ -78,12 +77,12 @@ class EkfLog:
 
     def log_pass(self, core: Core, now_us: int) -> None:
         """Write what the filter itself writes as it runs, after a pass in which it has something to log."""
-        still = stillness_of(core)
-        if core.logs_stillness and still is not None:
-            lengths = still.gyro_length_ratio, still.accel_length_ratio
-            self._write_all(XKFM, now_us, (still.is_still, *lengths, still.gyro_diff_ratio, still.accel_diff_ratio))
+        if core.logs_stillness:
+            test = core.stillness
+            lengths = test.gyro_length_ratio, test.accel_length_ratio
+            self._write_all(XKFM, now_us, (test.is_still, *lengths, test.gyro_diff_ratio, test.accel_diff_ratio))
         if core.logs_tilt:
-            variance = math.sqrt(core.state.predicted_tilt_var) ** 2
+            variance = core.state.predicted_tilt_var
             self._write_all(XKTV, now_us, (variance, variance))
 
     def _write_all(self, structure: LogStructure, now_us: int, values: Values) -> None:

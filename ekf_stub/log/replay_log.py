@@ -29,8 +29,9 @@ from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
+from ekf_stub.core.imus import MAX_IMUS
 from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.inertial import MAX_IMUS, Array, InertialDelta, first_usable
+from ekf_stub.inputs.inertial import Array, InertialDelta, first_usable
 from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import ExtNavLog
@@ -70,8 +71,12 @@ EKF2_BEFORE_EKF3: Final = (REV2, REV3)
 """In which order an event is logged for the two filters, in releases up to 2025."""
 EKF3_BEFORE_EKF2: Final = (REV3, REV2)
 """The same in the master of February 2026."""
-_NO_ACCEL, _NO_GYRO = 1 << 0, 1 << 1
-_ALL_GOOD: Final = 15  # RISI.Flags: accelerometer and gyro are used, and both gave data
+USE_ACCEL: Final = 1 << 0  # of RISI.Flags
+USE_GYRO: Final = 1 << 1
+_ALL_GOOD: Final = 15  # both are used, and both gave data
+INERTIAL: Final = RISI.fields[:8]
+"""Labels of the inertial data in RISI: change of velocity, rotation, and the seconds of either."""
+
 _NOTHING: Final = (0.0,) * 8
 
 EAS2TAS_AT_SEA_LEVEL: Final = 1.0000001192092896
@@ -237,7 +242,7 @@ class ReplayLog(ExtNavLog):
             self._write_input(RISH, (rate_hz, *first_usable(sensors.imus), 1 / rate_hz, imus, imus))
         if sensors.imus:
             for imu, (delta, has_gyro, has_accel) in enumerate(sensors.imus):
-                flags = _ALL_GOOD & ~(_NO_GYRO * (not has_gyro) | _NO_ACCEL * (not has_accel))
+                flags = _ALL_GOOD & ~(USE_GYRO * (not has_gyro) | USE_ACCEL * (not has_accel))
                 self._write_input(RISI, (*_inertial_values(delta), flags, imu), imu)
         else:
             self._write_inputs(RISI, (*_inertial_values(sensors.delta), _ALL_GOOD), imus)

@@ -64,7 +64,7 @@ def report_of(lanes: Lanes, index: int) -> CoreReport:
         variances=(*state.cov.variances(), *_WIND),
         odometry=_odometry_of(core),
         terrain=_terrain_of(core),
-        stillness=stillness_of(core),
+        stillness=_stillness_of(core),
         source_set=core.sources.active_set,
         gsf=_gsf_of(yaw.by_gps),
         error_score=lanes.error_scores[index],
@@ -72,7 +72,7 @@ def report_of(lanes: Lanes, index: int) -> CoreReport:
     )
 
 
-def stillness_of(core: Core) -> StillnessReport | None:
+def _stillness_of(core: Core) -> StillnessReport | None:
     """Return what the test for standing still found; None while it does not run."""
     test = core.stillness
     if not test.is_tested:

@@ -11,9 +11,9 @@ from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.imus import Imus
+from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.params import EkfSources, Params
-from ekf_stub.inputs.inertial import GRAVITY_MSS
 from ekf_stub.release import REFERENCE
 from viso.parameters.ekf3 import FLOW_LIMIT_LATER
 from viso.parameters.table import make_groups
@@ -72,9 +72,8 @@ class FilterAtRest:
         return elapsed_s
 
 
-def prepare(cores: int, stack: ExitStack) -> Callable[[], float]:
+def prepare(cores: int, _stack: ExitStack) -> Callable[[], float]:
     """A round is ten seconds of a filter that is being aided."""
-    del stack
     filter_ = FilterAtRest(cores)
     filter_.run(_WARM_UP_FRAMES)
     return lambda: filter_.run(FRAMES)

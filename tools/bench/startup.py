@@ -5,7 +5,6 @@
 import json
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
@@ -14,10 +13,10 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from mav_handlers.wire.codec import Codec
+from tools.bench.commands import VISO
 from tools.bench.odometry import odometry_at
 from viso.errors import InputError
 
-_VISO: Final = (sys.executable, "-c", "from viso.cli import main; main()")
 _LOOK_S: Final = 0.2  # how often it is looked whether a process is still there
 
 
@@ -52,7 +51,7 @@ def serve_until_accepted(folder: Path) -> float:
         link = f"tcp:127.0.0.1:{listening.getsockname()[1]}"
         options = ("--param", "VISO_TYPE=1", "--verdicts", "json", "--log-dir", str(folder))
         begin_s = time.perf_counter()
-        command = [*_VISO, "serve", "--master", link, *options]
+        command = [*VISO, "serve", "--master", link, *options]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
             try:
                 with _connection(listening, process) as connection:

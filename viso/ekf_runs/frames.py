@@ -6,7 +6,6 @@ A frame begins with RFRH. In it come the inputs that have changed, then RFRF, an
 outside. RISI is written when it differs from the frame before, and stands until another one comes.
 """
 
-from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -15,7 +14,9 @@ import numpy.typing as npt
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.core.imus import IMU_COLUMNS, MAX_IMUS, TIME_COLUMNS
 from ekf_stub.inputs.inertial import Array
+from ekf_stub.log.replay_log import INERTIAL, USE_ACCEL, USE_GYRO
 from viso.logs.record_fields import RecordError
+from viso.logs.recorded import table_of
 
 Ints = npt.NDArray[np.int64]
 
@@ -25,22 +26,17 @@ AFTER_THE_FILTER: Final = ("XKF4", "ROFH", "REPH", "REVH", "RBOH", "RSO3", "RSLL
 EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes: starts, runs
 _SLOW_EKF3: Final = 4  # first bit of RFRF.Slow that is about EKF3
 _NEVER: Final = np.iinfo(np.int64).max
-_DELTA: Final = ("DVX", "DVY", "DVZ", "DAX", "DAY", "DAZ", "DVDT", "DADT")
-_USE_ACCEL: Final = 1 << 0  # of RISI.Flags
-_USE_GYRO: Final = 1 << 1
 _CHUNK: Final = 4096
 
 
-def table_of(log: LogColumns, kind: str, labels: Iterable[str]) -> Array:
-    """Return fields of all records of a kind as numbers, a row a record. Raises RecordError if one is missing."""
-    wanted = tuple(labels)
+def _numbers(log: LogColumns, kind: str, *labels: str) -> Array:
+    """Return fields of all records of a kind, a row a record, of which there may be none."""
     if not log.counts.get(kind):
-        return np.zeros((0, len(wanted)))
+        return np.zeros((0, len(labels)))
     try:
-        columns = log.columns(kind, wanted).values()
-        return np.column_stack([column.astype(np.float64) for column in columns])
+        return table_of(log, kind, labels)
     except (KeyError, ValueError) as error:
-        raise RecordError(f"{kind} lacks a number in {' or '.join(wanted)}") from error
+        raise RecordError(f"{kind} lacks a number in {' or '.join(labels)}") from error
 
 
 class Frames:
@@ -56,7 +52,7 @@ class Frames:
     """
 
     def __init__(self, log: LogColumns, until_us: float) -> None:
-        times = table_of(log, "RFRH", ("TimeUS", "TF"))
+        times = _numbers(log, "RFRH", "TimeUS", "TF")
         begins = log.offsets("RFRH")
         beyond = np.flatnonzero(times[:, 0] > until_us)
         count = int(beyond[0]) if len(beyond) else len(times)
@@ -64,7 +60,7 @@ class Frames:
         self.begins: Ints = begins[:count]
         self.begin_times_us: Ints = times[:count, 0].astype(np.int64)
         ends = np.append(self.begins[1:], self.end)
-        done = table_of(log, "RFRF", ("FTypes", "Slow"))
+        done = _numbers(log, "RFRF", "FTypes", "Slow")
         done_at = log.offsets("RFRF")
         runs = done[:, 0].astype(np.int64) & EKF3_RUNS != 0
         starts = _first_within(done_at[runs], self.begins, ends)
@@ -104,7 +100,7 @@ class Frames:
     def usable(self, frame: int, imu: int) -> tuple[bool, bool]:
         """Return whether gyro and accelerometer of an IMU may be used in a frame."""
         flags = self._imus[imu].flags[self._imus[imu].row[frame]]
-        return bool(flags & _USE_GYRO), bool(flags & _USE_ACCEL)
+        return bool(flags & USE_GYRO), bool(flags & USE_ACCEL)
 
     def changes_of_use(self) -> Ints:
         """Return the frames from which on another IMU has data, or may be used or not."""
@@ -144,7 +140,7 @@ class _Imu:
     """
 
     def __init__(self, log: LogColumns, imu: int, until: Ints) -> None:
-        table = table_of(log, "RISI", (*_DELTA, "Flags", "I"))
+        table = _numbers(log, "RISI", *INERTIAL, "Flags", "I")
         own = table[:, -1] == imu
         self.deltas, self.flags = table[own, :-2], table[own, -2].astype(np.int64)
         places = log.offsets("RISI")[own]
@@ -153,13 +149,13 @@ class _Imu:
         bad = np.argwhere(~np.isfinite(self.deltas))
         if len(bad):
             record, column = bad[0].tolist()
-            self.bad = int(places[record]), f"RISI.{_DELTA[column]} is {self.deltas[record, column]}"
+            self.bad = int(places[record]), f"RISI.{INERTIAL[column]} is {self.deltas[record, column]}"
 
     def use_of_frames(self) -> Ints:
         """Return a number for each frame that says whether it has data and which of its sensors may be used."""
         if not len(self.flags):
             return self.row
-        use: Ints = np.where(self.row >= 0, self.flags[np.maximum(self.row, 0)] & (_USE_ACCEL | _USE_GYRO), -1)
+        use: Ints = np.where(self.row >= 0, self.flags[np.maximum(self.row, 0)] & (USE_ACCEL | USE_GYRO), -1)
         return use
 
 

@@ -173,7 +173,7 @@ class Judge:
             watch.listeners.append(self._take_test)
 
     def _take_test(self, test: SampleTest) -> None:
-        time_us, (kind, _, _, ratio, _), innovation = test
+        time_us, (kind, _, _, ratio, innovation) = test
         if ratio is None or innovation is None or not math.isfinite(ratio):
             return
         sigmas = ratio * self._gate_of(kind)

@@ -9,7 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from ekf_stub.inputs.inertial import MAX_IMUS, Array, ImuReading, InertialDelta, row_of
+from ekf_stub.core.imus import MAX_IMUS
+from ekf_stub.inputs.inertial import Array, ImuReading, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.sensors.vectors import Three

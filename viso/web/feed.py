@@ -69,7 +69,7 @@ class Feed:
 
     def take_outcome(self, now_us: int, outcome: FilterOutcome) -> None:
         """Note what the filter did with a sample, at a time in us since boot."""
-        self.seen.put(lambda state: state.take_sample(SampleTest(now_us, outcome, outcome.innovation)))
+        self.seen.put(lambda state: state.take_sample(SampleTest(now_us, outcome)))
 
     def take_news(self, link: str, news: str) -> None:
         """Note who comes and goes on a link, or what fails on it."""

@@ -145,9 +145,9 @@ class LiveState:
         key = RunKey(FILTER, outcome.kind, "", fate.value, rule.code)
         about = {"reason": rule.text, "source": rule.source, "model": is_model(rule)}
         self._runs.take(key, about, test.time_us)
-        if test.innovation is not None and outcome.ratio is not None:
+        if outcome.innovation is not None and outcome.ratio is not None:
             of_kind = self._innovations.setdefault(outcome.kind, _Innovation())
-            of_kind.add(test.innovation, outcome.ratio, is_rejected=fate is Fate.REJECTED)
+            of_kind.add(outcome.innovation, outcome.ratio, is_rejected=fate is Fate.REJECTED)
 
     def take_record(self, has_position: bool, values: Sequence[LogValue]) -> None:
         """Take a VISP or a VISV record: its values, TimeUS first."""

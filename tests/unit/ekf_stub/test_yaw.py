@@ -9,8 +9,8 @@ from functools import cache
 import pytest
 
 from ap_core.vector3 import Vector3f
+from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.core.vectors import euler_of, wrap_pi
-from ekf_stub.inputs.inertial import GRAVITY_MSS
 from ekf_stub.release import FEBRUARY_2026, REFERENCE, FilterRelease
 from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (

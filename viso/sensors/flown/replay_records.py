@@ -7,20 +7,17 @@ where they differ from the pass before; RFRN tells when take-off and touchdown w
 """
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.inputs.inertial import MAX_IMUS, Array
-from ekf_stub.log.replay_log import TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED
+from ekf_stub.core.imus import MAX_IMUS
+from ekf_stub.inputs.inertial import Array
+from ekf_stub.log.replay_log import INERTIAL, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, USE_ACCEL, USE_GYRO
 from viso.logs.recorded import valid_positions
 from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
 from viso.sensors.flown.flight import Basis, Flight, FlownImu, Ints, Readings, chosen, growing, imu_of, readings
 from viso.sensors.flown.slow_sensors import slow_sensors
-
-_USE_ACCEL, _USE_GYRO = 1 << 0, 1 << 1  # of RISI.Flags
-_DELTA: Final = ("DVX", "DVY", "DVZ", "DAX", "DAY", "DAZ", "DVDT", "DADT")
 
 
 def replay_records(log: LogColumns, lane: int) -> Flight | None:
@@ -29,11 +26,11 @@ def replay_records(log: LogColumns, lane: int) -> Flight | None:
     Of a log with the records of all IMUs it has them all; of one with those of the lane's IMU alone it has these.
     """
     times, begins = chosen(log, "RFRH", ["TimeUS"])
-    imus = [chosen(log, "RISI", (*_DELTA, "Flags"), imu) for imu in _imus_in(log)]
+    imus = [chosen(log, "RISI", (*INERTIAL, "Flags"), imu) for imu in _imus_in(log)]
     lane_imu = imu_of(log, lane)
-    deltas, of_deltas = imus[0] if len(imus) > 1 else chosen(log, "RISI", (*_DELTA, "Flags"), lane_imu)
+    deltas, of_deltas = imus[0] if len(imus) > 1 else chosen(log, "RISI", (*INERTIAL, "Flags"), lane_imu)
     if not len(deltas):
-        deltas, of_deltas = chosen(log, "RISI", (*_DELTA, "Flags"), 0)
+        deltas, of_deltas = chosen(log, "RISI", (*INERTIAL, "Flags"), 0)
     ends = log.offsets("RFRF")
     of_time, of_delta = (np.searchsorted(places, ends) - 1 for places in (begins, of_deltas))
     known = (of_time >= 0) & (of_delta >= 0)
@@ -75,7 +72,7 @@ def _flown(imus: Sequence[tuple[Array, Ints]], ends: Ints) -> tuple[FlownImu, ..
         return ()
     flags = [table[:, -1].astype(int) for table in newest]
     return tuple(
-        FlownImu(table[:, :-1], uses & _USE_GYRO > 0, uses & _USE_ACCEL > 0)
+        FlownImu(table[:, :-1], uses & USE_GYRO > 0, uses & USE_ACCEL > 0)
         for table, uses in zip(newest, flags, strict=True)
     )
 

@@ -9,7 +9,7 @@ The ground is level, at the height where it stood at first: springy legs, and fr
 import math
 from typing import Final, NamedTuple
 
-from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.core.inertial import GRAVITY_MSS
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.script.legs import State
 from viso.sensors.vectors import ZERO, Three, added, scaled

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.inputs.inertial import Array, InertialDelta, row_of
+from ekf_stub.inputs.inertial import Array, InertialDelta, numbers_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.sensors.flying.airframe import MOTORS_OFF, AirframeState, Demand, moved
 from viso.sensors.options import ImuOptions, UnmovedSource
@@ -76,7 +76,7 @@ class FlyingSource(UnmovedSource):
             state, delta = self._after(state, last_us, time_us)
             self._coming.append((time_us, state, delta))
             last_us = time_us
-        rows = [row_of(delta) for _, (_, _, delta) in zip(times_us, self._coming, strict=False)]
+        rows = [numbers_of(delta) for _, (_, _, delta) in zip(times_us, self._coming, strict=False)]
         return self._model.ahead(np.array(rows)) if rows else super().ahead(times_us)
 
     def pass_over(self, times_us: range) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Final, NamedTuple, Protocol
 
-from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.core.inertial import GRAVITY_MSS
 from viso.geometry import quaternions as quaternion
 from viso.sensors.attitude import quat_of_rpy
 from viso.sensors.vectors import ZERO, Three, added, scaled

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from ekf_stub.inputs.inertial import GRAVITY_MSS, InertialDelta
+from ekf_stub.core.inertial import GRAVITY_MSS
+from ekf_stub.inputs.inertial import InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.files.text_files import read_text

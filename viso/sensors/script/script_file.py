@@ -58,7 +58,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.core.inertial import GRAVITY_MSS
 from viso.documents import parsed_toml
 from viso.errors import InputError
 from viso.sensors.script.legs import (

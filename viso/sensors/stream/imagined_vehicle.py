@@ -4,7 +4,7 @@
 
 from typing import Final, NamedTuple
 
-from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.core.inertial import GRAVITY_MSS
 from viso.geometry import quaternions as quaternion
 from viso.geometry.attitude import euler_of
 from viso.sensors.attitude import quat_of_rpy, rotation_between

@@ -13,7 +13,7 @@ import pytest
 import quaternion
 
 from ap_core.verdict import Outcome
-from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from viso.closed_loop.record import AUTOPILOT, Estimate

@@ -24,7 +24,7 @@ def message(number: int, rule: Rule | None) -> SeenMessage:
     told = odometry(number * PERIOD_US + 1, x=0.02 * number)
     if rule is None:
         return seen(number + 1, at_us, told, QUALITY_BELOW_MIN)
-    test = SampleTest(at_us, FilterOutcome("pose", rule, at_us // 1000, 1.5), 1.0)
+    test = SampleTest(at_us, FilterOutcome("pose", rule, at_us // 1000, 1.5, 1.0))
     return seen(number + 1, at_us, told, samples=(HandedSample("pose", at_us // 1000, [test]),))
 
 

@@ -18,7 +18,7 @@ class Rig:
 
     def tell(self, kind: str, rule: Rule, observed_ms: int = 1000, ratio: float | None = None) -> None:
         self.now_us += 1
-        self.fates.take(SampleTest(self.now_us, FilterOutcome(kind, rule, observed_ms, ratio), None))
+        self.fates.take(SampleTest(self.now_us, FilterOutcome(kind, rule, observed_ms, ratio)))
 
     def handed(self) -> tuple[HandedSample, ...]:
         return self.fates.take_handed()

@@ -124,7 +124,7 @@ def test_how_far_off_a_sample_is(
     rejected = [test for test in rig.told if fate_of(test.outcome.rule) is Fate.REJECTED]
     assert {test.outcome.kind for test in rejected} == {kind}
     assert before < unit_tolerance
-    assert [test.innovation for test in rejected] == pytest.approx([innovation] * len(rejected), rel=0.02)
+    assert [test.outcome.innovation for test in rejected] == pytest.approx([innovation] * len(rejected), rel=0.02)
     worst = rig.watch.innovations[kind]
     assert worst.rejected == len(rejected) > 3
     assert worst.worst == pytest.approx(innovation, rel=0.02)
@@ -135,8 +135,8 @@ def test_yaw_is_in_degrees(settled: Rig) -> None:
     settled.told.clear()
     half = 0.0872664626 / 2  # rad, 5 deg in all
     settled.see(0.3, q=(1.0 - half**2 / 2, 0.0, 0.0, half))
-    tests = [test for test in settled.told if test.outcome.kind == "yaw" and test.innovation is not None]
-    assert max(test.innovation or 0.0 for test in tests) == pytest.approx(5.0, abs=0.5)
+    tests = [test for test in settled.told if test.outcome.kind == "yaw" and test.outcome.innovation is not None]
+    assert max(test.outcome.innovation or 0.0 for test in tests) == pytest.approx(5.0, abs=0.5)
 
 
 @pytest.mark.slow
@@ -145,8 +145,8 @@ def test_odometry_is_the_length_of_its_velocity(make_bench: Callable[..., Bench]
     for _ in range(20):
         rig.bench.send(VISION_POSITION_DELTA(0, 100_000, (0.0, 0.0, 0.0), (0.03, 0.04, 0.0), 100.0))
         rig.wait(0.1)
-    first = next(test for test in rig.told if test.outcome.kind == "odometry" and test.innovation is not None)
-    assert first.innovation == pytest.approx(0.5, rel=0.05)
+    first = next(test for test in rig.told if test.outcome.kind == "odometry" and test.outcome.innovation is not None)
+    assert first.outcome.innovation == pytest.approx(0.5, rel=0.05)
 
 
 @pytest.mark.slow
@@ -155,7 +155,7 @@ def test_what_is_not_tested_has_no_innovation(make_bench: Callable[..., Bench]) 
     rig.see(1.0)
     assert set(rig.fates("yaw")) == {Fate.UNUSED}
     assert "yaw" not in rig.watch.innovations
-    assert {test.innovation for test in rig.told if test.outcome.kind == "yaw"} == {None}
+    assert {test.outcome.innovation for test in rig.told if test.outcome.kind == "yaw"} == {None}
 
 
 def test_times_are_those_of_the_vehicle(rig: Rig) -> None:

@@ -37,7 +37,7 @@ def row(**values: Any) -> Row:
 
 
 def of_sample(ratio: float | None, innovation: float | None = 1.0, kind: str = "pose") -> SampleTest:
-    return SampleTest(0, FilterOutcome(kind, rules.FUSED, 0, ratio), innovation)
+    return SampleTest(0, FilterOutcome(kind, rules.FUSED, 0, ratio, innovation))
 
 
 @pytest.fixture

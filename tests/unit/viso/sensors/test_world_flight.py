@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import quaternion
 
-from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.core.inertial import GRAVITY_MSS
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.se3 import Array, rotation_from_quat_wxyz

@@ -13,7 +13,7 @@ from ap_core.clock import NEVER
 from ap_core.location import Location
 from ap_core.param_cache import FromParams
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.core.inertial import GRAVITY_MSS
 from mav_handlers.ports import FlightTruth, GuidedTarget
 from viso.sensors.flying.airframe import MOTORS_OFF, Demand
 from viso.sensors.flying.source import FlyingSource

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.core.inertial import GRAVITY_MSS
 from viso.geometry import quaternions as quaternion
 from viso.sensors.flying.airframe import MOTORS_OFF, AirframeState, Demand, moved
 from viso.sensors.flying.source import FlyingSource

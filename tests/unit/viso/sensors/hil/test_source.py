@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.core.inertial import GRAVITY_MSS
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from tests.unit.viso.sensors.conftest import LOOP_US
 from viso.sensors.attitude import quat_of_rpy, rotate_to_body

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from ap_core.cint import u32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.inertial import GRAVITY_MSS, Array, InertialDelta
+from ekf_stub.core.inertial import GRAVITY_MSS
+from ekf_stub.inputs.inertial import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from tests.unit.viso.sensors.conftest import LEVEL, LOOP_US, Three, Wxyz, yawed
 from viso.geometry.attitude import euler_of

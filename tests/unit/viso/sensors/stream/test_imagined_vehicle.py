@@ -7,7 +7,7 @@ import math
 import numpy as np
 import quaternion
 
-from ekf_stub.inputs.inertial import GRAVITY_MSS
+from ekf_stub.core.inertial import GRAVITY_MSS
 from viso.sensors.attitude import quat_of_rpy, rotation_between
 from viso.sensors.stream.imagined_vehicle import (
     MAX_ACCEL,
