@@ -35,7 +35,6 @@ from mav_handlers.senders.sending import Sending
 from mav_handlers.signing.state import SigningState
 from mav_handlers.signing.verdicts import signing_verdict
 from mav_handlers.transfers.ftp import FtpReply, FtpServer
-from mav_handlers.transfers.log_transfer import LogTransfer
 from mav_handlers.verdicts import (
     NO_HANDLER,
     NOT_ACCEPTED,
@@ -103,7 +102,7 @@ class MavEndpoint:
         self.routes = RouteTable()
         self.signing = SigningState(vehicle.signing_store, self._options)
         self.ftp = FtpServer(vehicle.files, vehicle.texts.send_text, lambda index: self.channels[index].has_room())
-        self.log_transfer = LogTransfer(vehicle.logs, vehicle.texts.send_text_to)
+        self.log_transfer = vehicle.log_transfer
         self.events_lost = 0
         self.on_event: Callable[[MessageEvent], None] | None = None
         vehicle.texts.listening_channels = self._listening_channels
@@ -287,20 +286,20 @@ class MavEndpoint:
         """Send what is due: texts, parameters, periodic and requested messages."""
         last_us, self._polled_us = self._polled_us, now_us
         generation = self._vehicle.params.generation
-        if self._vehicle.copter.home.take_changed():
-            self.request_message_everywhere("HOME_POSITION")
-            self.request_message_everywhere("GPS_GLOBAL_ORIGIN")
-        elif last_us <= now_us < self._rest.until_us and generation == self._polled_generation:
+        changed = self._vehicle.copter.take_changed()
+        for name in changed:
+            self.request_message_everywhere(name)
+        if not changed and last_us <= now_us < self._rest.until_us and generation == self._polled_generation:
             return
         self._polled_generation = generation
         self._send_due(last_us, now_us)
 
-    def quiet_until_us(self) -> int:
-        """Return before when polls have nothing to do as things are; 0 if the next one may."""
+    def idle_until_us(self) -> int:
+        """Return before when ``poll`` has nothing to do as things are; 0 if the next one may."""
         return self._rest.until_us if self._vehicle.params.generation == self._polled_generation else 0
 
-    def poll_quietly(self, now_us: int) -> None:
-        """Poll at a time at which there is nothing to do."""
+    def leave_out(self, now_us: int) -> None:
+        """Count a poll as made at a time at which there was nothing to do."""
         self._polled_us = now_us
 
     def _send_due(self, last_us: int, now_us: int) -> None:

@@ -28,7 +28,7 @@ from mav_handlers.signing.state import KeyStore, SigningState
 from mav_handlers.statustext import StatusTextQueue
 from mav_handlers.transfers.ftp import FtpReply, FtpServer
 from mav_handlers.transfers.ftp_ports import FtpFiles
-from mav_handlers.transfers.log_transfer import LogLibrary, LogTransfer
+from mav_handlers.transfers.log_transfer import LogTransfer
 from mav_handlers.wire.messages import DISTANCE_SENSOR, GPS_INPUT, HIL_SENSOR, HIL_STATE_QUATERNION, OPTICAL_FLOW
 
 __all__ = [
@@ -152,9 +152,6 @@ class HomePort(Protocol):
 
     place: Location | None
 
-    def take_changed(self) -> bool:
-        """Tell, once, that home has changed and is to be told to all links."""
-
     def set(self, place: Location, lock: bool) -> bool:
         """Set home, for good if locked; say whether it was set, for which the EKF needs an origin."""
 
@@ -248,6 +245,9 @@ class CopterPort(Protocol):
     @property
     def arming(self) -> ArmingPort:
         """The checks before arming."""
+
+    def take_changed(self) -> Sequence[str]:
+        """Return, once, the names of the messages that tell of what has changed."""
 
     def is_armed(self) -> bool:
         """Return whether the motors are armed."""
@@ -428,8 +428,8 @@ class VehiclePort(Protocol):
         """What MAVLink FTP shows."""
 
     @property
-    def logs(self) -> LogLibrary:
-        """The logs that clients may download."""
+    def log_transfer(self) -> LogTransfer:
+        """Listing, downloading and erasing logs."""
 
     def firmware_version(self) -> tuple[int, str, str]:
         """Return flight_sw_version, the version text and the source hash (8 characters)."""

@@ -16,11 +16,12 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
+from ekf_stub.ahrs.vehicle_state import VehicleState
 from ekf_stub.core.params import EkfSources
 from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.sensors import SensorSource
 from ekf_stub.inputs.sources import SourceYaw
-from ekf_stub.log.ext_nav_log import ExtNavLog, VisualOdomFrame
+from ekf_stub.log.ext_nav_log import ExtNavLog
 from ekf_stub.reports.filter_status import FilterStatus
 
 AP_AHRS_NAVEKF_SETTLE_TIME_MS: Final = 20_000
@@ -39,7 +40,10 @@ class AhrsBase:
         start_us: when the AHRS starts; the estimator starts 1 s later and counts as initialised 20 s later.
 
     Attributes:
-        source: where the sensors' data come from; None where there are none.
+        state: what it is told of the vehicle.
+        source: where the sensors' data come from.
+        primary: number of the estimator's core by which the vehicle flies.
+        yaw_reset_ms: when the estimator's yaw has jumped last, 0 before the first time.
         ext_nav_counts: what the estimator did with how many samples, by kind and code of the rule (``ingest_rules``).
     """
 
@@ -50,7 +54,9 @@ class AhrsBase:
         self._start_us = start_us
         self._estimator_start_us = start_us + ESTIMATOR_STARTUP_DELAY_US
         self._origin: Location | None = None
-        self.source: SensorSource | None = None
+        self.state = VehicleState()
+        self.source = SensorSource()
+        self.primary = self.yaw_reset_ms = 0
         self.ext_nav_counts: Counter[tuple[str, str]] = Counter()
 
     def _now_ms(self) -> int:
@@ -100,24 +106,27 @@ class AhrsBase:
         self._origin = origin
         return True
 
-    def update(self, camera: VisualOdomFrame) -> None:
-        """Run one frame of the estimator, once a pass of the main loop; it is told of the camera."""
+    @property
+    def runs_ahead(self) -> bool:
+        """Whether it may be given several passes at once."""
+        return False
+
+    def update(self) -> None:
+        """Run one frame of the estimator, once a pass of the main loop; ``state`` is that of the pass."""
         if self.estimator_started():
-            self._log.frame(camera)
+            self._log.frame(self.state.camera)
 
-    def quiet_until_us(self) -> int:
-        """Return before when frames may be run like the last one, since boot; 0 if the next may not."""
-        return 0
+    def advance(self, times_us: range, due_us: Callable[[], int]) -> int:
+        """Run the frames of passes, up to one at which others have something to do, and return how many.
 
-    def run_quietly(self, times_us: range, set_us: Callable[[int], None], is_quiet: Callable[[int], bool]) -> int:
-        """Run frames, up to one of which more may come than steps of the filter; return how many.
+        The clock stands at the first one, and moves on with each.
 
         Args:
-            times_us: of the frames, all before ``quiet_until_us``.
-            set_us: sets the clock to the time of one that is run.
-            is_quiet: says whether nothing beside the estimator has to do with what came of the frame at a time.
+            times_us: of the passes, in which ``state`` stays what it is; not empty.
+            due_us: returns when others have something to do next, as things are.
         """
-        return 0
+        self.update()
+        return 1
 
     def log_estimates(self) -> None:
         """Log what the estimator says at the moment."""

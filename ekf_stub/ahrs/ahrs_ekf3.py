@@ -16,7 +16,6 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import u32
-from ap_core.clock import NEVER
 from ap_core.fmath import f32, ieee754
 from ap_core.location import Location
 from ap_core.param_cache import FromParams
@@ -25,7 +24,8 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.cores import Cores
 from ekf_stub.ahrs.parts import AhrsParts
-from ekf_stub.ahrs.source_check import source_failure
+from ekf_stub.ahrs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM, source_failure
+from ekf_stub.ahrs.source_check import RANGEFINDER as RANGEFINDER_SENSOR
 from ekf_stub.core.aiding import ABSOLUTE, NO_AIDING, RELATIVE
 from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.core import Core
@@ -38,10 +38,9 @@ from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
 from ekf_stub.inputs.inertial import Array, numbers_of
 from ekf_stub.inputs.ingest_rules import KINDS, RULES, FilterOutcome
 from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
-from ekf_stub.inputs.range_state import RangeState
+from ekf_stub.inputs.range_state import DOWNWARD, RangeState
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 from ekf_stub.inputs.sources import SourceYaw
-from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import (
     CHECK_LANE_SWITCH,
     REQUEST_YAW_RESET,
@@ -63,9 +62,6 @@ _HORIZ_POS: Final = FilterFlag.HORIZ_POS_ABS | FilterFlag.HORIZ_POS_REL
 _REPORTED: Final = (1 << 10) - 1  # flags that EKF_STATUS_REPORT has as they are
 _GLITCHING, _INITIALISED = 1 << 14, 1 << 16  # of nav_filter_status
 
-PoseListener = Callable[[Vector3f, Quaternion, int, bool], None]
-"""Takes the IMU's place in m NED, the attitude, when they were observed in ms since boot, and whether they jumped."""
-
 
 def _floats(place: Vector3f) -> Three:
     x, y, z = map(float, place.to_tuple())
@@ -76,6 +72,12 @@ def _floats(place: Vector3f) -> Three:
 def yaw_of(quat: Quaternion) -> float:
     """Return the yaw of an attitude in rad, in single precision; NaN if anything in it is NaN."""
     return math.nan if quat.is_nan() else float(quat.get_euler_yaw())
+
+
+def passes_through(times_us: range, time_us: int) -> range:
+    """Return the passes up to and with the first one at or after a time."""
+    before = -((times_us.start - time_us) // times_us.step)
+    return times_us[: max(0, before) + 1]
 
 
 class Ekf3Ahrs(AhrsBase):
@@ -90,7 +92,6 @@ class Ekf3Ahrs(AhrsBase):
     Attributes:
         cores: the cores, once they have been set up; None also when none is wanted.
         core: the filter of the primary one.
-        on_pose: hears of each pose that external navigation gives.
         on_filter_outcome: hears what becomes of each sample of external navigation in the primary core: as it comes
             and, if it was taken, when it leaves the buffer.
     """
@@ -101,11 +102,10 @@ class Ekf3Ahrs(AhrsBase):
         super().__init__(parts.clock, parts.sources, parts.log, start_us=start_us)
         self._parts = parts
         self._replay_log = parts.log
-        self.source = self._source = source
+        self.source = source
         self._has_compass = FromParams(parts.params, parts.has_compass)
         self._place_of_imu = FromParams(parts.params, parts.imu_pos)
         self._buffer_ms = buffer_ms
-        self._camera: VisualOdomFrame | None = None
         self._camera_pos: Vector3f | None = None
         self._imu_pos: Vector3f | None = None
         self._lever = (0.0, 0.0, 0.0)
@@ -118,7 +118,6 @@ class Ekf3Ahrs(AhrsBase):
         self._measured: list[float] = []  # by the first IMU, and further ones, in the last pass
         self._baro_zero_m = self._gps_lag_s = 0.0
         self._is_set_up = self._active = self._has_camera = self._is_stopped = False
-        self._yaw_reset_ms = self._primary = 0
         self._source_set = parts.sources.active_set
         self._quat: Quaternion | None = None
         self._reset_ms = 0
@@ -126,29 +125,52 @@ class Ekf3Ahrs(AhrsBase):
         self.core: Core | None = None
         self._refusals = Events(0, [])
         self._refusing = ExtNav(self._refusals, None, False)
-        self.on_pose: PoseListener | None = None
         self.on_filter_outcome: Callable[[FilterOutcome], None] | None = None
 
     # Passes
 
     def stop(self) -> None:
-        """Run the filter no further: it keeps to its last estimate, and is handed no more samples or poses."""
+        """Run the filter no further: it keeps to its last estimate, and is handed no more samples."""
         self._is_stopped = True
-        self.on_pose = self.on_filter_outcome = None
+        self.on_filter_outcome = None
 
-    def update(self, camera: VisualOdomFrame) -> None:
-        """Run one pass of the main loop."""
+    @property
+    def runs_ahead(self) -> bool:
+        """Whether it may be given several passes at once: the filter runs and no frame is logged, or it was stopped."""
+        is_logged = self._replay_log.is_wanted or self._sources.active_set != self._source_set
+        return self._is_stopped or (self._active and not is_logged)
+
+    def update(self) -> None:
+        """Run one frame of the estimator."""
         if self._is_stopped:
             return
-        self._camera = camera
         now_us = self._clock.micros64()
-        self._source.set_armed(self._parts.is_armed())
-        sensors = self._source.sense(now_us)
+        self.source.set_armed(self.state.armed)
+        sensors = self.source.sense(now_us)
         if sensors is not None:
             self._take(sensors)
             if self._is_set_up or self.estimator_started():
                 self._run_pass(sensors, now_us)
         self._quat = None
+
+    def advance(self, times_us: range, due_us: Callable[[], int]) -> int:
+        """Run the frames of passes, up to one at which others have something to do, and return how many."""
+        if self._is_stopped:
+            left = passes_through(times_us, due_us())
+            self._parts.clock.set_us(left[-1])
+            return len(left)
+        cores = self.cores
+        if cores is None or not self.runs_ahead:
+            self.update()
+            return 1
+        self.source.set_armed(self.state.armed)
+        self._set_inputs(cores, self._gps(), self._range_finders())
+        done, next_us = 0, due_us()
+        while True:
+            done += self._run_ahead(cores, passes_through(times_us[done:], next_us))
+            next_us = due_us()
+            if done == len(times_us) or next_us <= times_us[done - 1]:
+                return done
 
     def _take(self, sensors: Sensors) -> None:
         self._sensors = sensors
@@ -176,67 +198,48 @@ class Ekf3Ahrs(AhrsBase):
         self._note_run(cores, now_us)
 
     def _flying_ms(self, now_us: int) -> int:
-        since_us = self._parts.flying_since_us()
+        since_us = self.state.flying_since_us
         return 0 if since_us is None else (now_us - since_us) // 1000
 
     def _set_inputs(self, cores: Cores, gps: GpsSample | None, ranges: RangeState | None) -> None:
-        home = self._parts.home()
-        cores.set_vehicle(home_lat=0 if home is None else home.lat, lever_arm=self._lever_arm(), gps=gps, ranges=ranges)
+        cores.set_vehicle(self.state, self._expected(), lever_arm=self._lever_arm(), gps=gps, ranges=ranges)
 
-    def run_quietly(self, times_us: range, set_us: Callable[[int], None], is_quiet: Callable[[int], bool]) -> int:
-        """Run passes, up to one of which more may come than steps of the filter; return how many."""
-        cores = self.cores
-        if cores is None or self._sensors is None:
-            return 0
-        self._set_inputs(cores, self._gps(), self._range_finders())
+    def _expected(self) -> tuple[bool, bool]:
+        return self.source.expected() or self.state.expected
+
+    def _newest_gps(self) -> GpsSample | None:
+        return self.source.gps() or self.state.gps
+
+    def _run_ahead(self, cores: Cores, times_us: range) -> int:
+        """Run frames until something comes of one, or the sensors have more than inertial data; return how many."""
+        ahead = self.source.ahead(times_us)
+        if not len(ahead):
+            self._parts.clock.set_us(times_us[0])
+            self.update()
+            return 1
         cores.lanes.tells_outcomes = self.on_filter_outcome is not None
-        done, ran_us = 0, -1
-        while done < len(times_us):
-            ahead = self._source.ahead(times_us[done:])
-            if len(ahead):
-                times = times_us[done : done + len(ahead)]
-                count = cores.lanes.advance(self._rows(times, ahead), 0, len(times))
-                self._source.pass_over(times[:count])
-                self._measured = ahead[count - 1].tolist()
-                done += count
-                ran_us = times[count - 1]
-                set_us(ran_us)
-                self._replay_log.note_run(was_initialised=True)
-                self._note_run(cores, ran_us)
-            else:
-                sensors = self._source.sense(times_us[done])
-                done += 1
-                if sensors is None:
-                    continue
-                ran_us = times_us[done - 1]
-                set_us(ran_us)
-                self._take(sensors)
-                self._run_pass(sensors, ran_us)
-            if not is_quiet(ran_us):
-                break
-        if ran_us >= 0:
-            self._replay_log.start_frame(ran_us, 0)
-            if self._camera is not None:
-                self._replay_log.frame(self._camera)
-            self._replay_log.note_run(was_initialised=True)
+        count = cores.lanes.advance(self._rows(times_us[: len(ahead)], ahead), 0, len(ahead))
+        now_us = times_us[count - 1]
+        self.source.pass_over(times_us[:count])
+        self._measured = ahead[count - 1].tolist()
+        self._parts.clock.set_us(now_us)
+        self._replay_log.start_frame(now_us, 0)
+        self._replay_log.frame(self.state.camera)
+        self._replay_log.note_run(was_initialised=True)
+        self._note_run(cores, now_us)
         self._quat = None
-        return done
+        return count
 
     def _rows(self, times_us: range, inertial: Array) -> list[float]:
         """Return rows for the filter of the inertial data of passes, shape (n, 8) or wider."""
         rows = np.zeros((len(times_us), 3 + inertial.shape[1]))
         rows[:, 0] = times_us
-        since_us = self._parts.flying_since_us()
+        since_us = self.state.flying_since_us
         if since_us is not None:
             rows[:, 1] = (np.array(times_us) - since_us) // 1000
         rows[:, 3:] = inertial
         numbers: list[float] = rows.reshape(-1).tolist()
         return numbers
-
-    def quiet_until_us(self) -> int:
-        """Return before when passes may be run many at once, 0 if the next may not."""
-        may = self._active and not self._is_stopped and not self._replay_log.is_wanted
-        return NEVER if may and self._sources.active_set == self._source_set else 0
 
     def _note_run(self, cores: Cores, now_us: int) -> None:
         """Tell and log what the filters have to say after a pass."""
@@ -270,21 +273,20 @@ class Ekf3Ahrs(AhrsBase):
                 self.on_filter_outcome(FilterOutcome(kind, rule, outcome.time_ms, *ratio_and_innovation))
 
     def _follow_primary(self, cores: Cores) -> None:
-        """Tell what jumps and who is primary (Copter::check_ekf_reset)."""
+        """Note which core is primary, and when its yaw jumped."""
         lanes = cores.lanes
         self.core = lanes.primary_filter
-        if lanes.yaw_reset_ms != self._yaw_reset_ms:
-            self._yaw_reset_ms = lanes.yaw_reset_ms
-            self._parts.on_yaw_reset()
-        if self._active and lanes.primary != self._primary:
-            self._primary = lanes.primary
-            self._parts.on_primary(self._primary)
+        self.yaw_reset_ms = lanes.yaw_reset_ms
+        if self._active:
+            self.primary = lanes.primary
 
     def _set_up(self, differing_imus: int) -> None:
         # NavEKF3_core::setup_core: what later changes of parameters do not change until the next boot.
         self._is_set_up = True
         parts = self._parts
-        self._has_camera, self._gps_lag_s = parts.visual_odom_enabled(), parts.gps_lag_s()
+        sample = self._newest_gps()
+        self._has_camera = self.state.camera.enabled
+        self._gps_lag_s = self.state.gps_lag_s if sample is None else sample.lag_s
         imus = cores_of_mask(parts.imu_mask(), differing_imus or NUMBER_OF_IMUS)
         if not imus:
             return
@@ -303,16 +305,15 @@ class Ekf3Ahrs(AhrsBase):
             self.cores.tell_texts()
 
     def _log_frame(self, sensors: Sensors, gps: GpsSample | None, now_us: int) -> None:
-        log, parts = self._replay_log, self._parts
+        log, state = self._replay_log, self.state
         if self._sources.active_set != self._source_set:
             self._source_set = self._sources.active_set
             log.event(SOURCE_SET_1 + self._source_set)
         if log.start_frame(now_us, self._flying_ms(now_us)):
-            log.vehicle(VehicleFrame(parts.is_armed(), *parts.expected(), self._has_flow(), parts.home()))
+            log.vehicle(VehicleFrame(state.armed, *self._expected(), self._has_flow(), state.home))
             log.sensors(self._with_zeroed_baro(sensors), gps, self._gps_lag_s)
-            log.ranges(parts.ranges())
-        if self._camera is not None:
-            log.frame(self._camera)
+            log.ranges(state.ranges)
+        log.frame(state.camera)
 
     def _with_zeroed_baro(self, sensors: Sensors) -> Sensors:
         if not self._baro_zero_m or sensors.baro is None:
@@ -322,20 +323,19 @@ class Ekf3Ahrs(AhrsBase):
 
     def _gps(self) -> GpsSample | None:
         """Return the newest solution with its antenna's place from the IMU: the same until either changes."""
-        given = self._parts.gps()
+        given = self._newest_gps()
         return None if given is None else self._gps_seen(_FIRST_IMU, given, self._imu_frd())
 
     def _range_finders(self) -> RangeState | None:
         """Return what the range finders say, with their places from the IMU: the same until that changes."""
-        given = self._parts.ranges()
+        given = self.state.ranges
         return None if given is None else self._ranges_seen(_FIRST_IMU, given, self._imu_frd())
 
     def _lever_arm(self) -> Three:
         """Return the camera's place from the IMU, m, body (FRD)."""
-        camera = self._camera
-        if not self._has_camera or camera is None:
+        if not self._has_camera:
             return (0.0, 0.0, 0.0)
-        place, imu_pos = camera.pos_offset, self._place_of_imu()
+        place, imu_pos = self.state.camera.pos_offset, self._place_of_imu()
         if place is not self._camera_pos or imu_pos is not self._imu_pos:
             self._camera_pos, self._imu_pos = place, imu_pos
             self._lever = _floats(place - imu_pos)
@@ -363,7 +363,7 @@ class Ekf3Ahrs(AhrsBase):
     def _attitude(self) -> Quaternion:
         if self._active and self.core is not None:
             return Quaternion(*self.core.output.now.quat)
-        return Quaternion.from_euler(f32(0), f32(0), f32(self._source.yaw_rad()))
+        return Quaternion.from_euler(f32(0), f32(0), f32(self.source.yaw_rad()))
 
     def _flags(self) -> FilterFlag:
         if self.core is None or not self.core.initialised:
@@ -386,7 +386,7 @@ class Ekf3Ahrs(AhrsBase):
         """Return the yaw, -pi..pi."""
         if self._active and self.core is not None:
             return f32(euler_of(self.core.output.now.quat)[2])
-        return f32(self._source.yaw_rad())
+        return f32(self.source.yaw_rad())
 
     def get_quaternion(self) -> Quaternion | None:
         """Return the attitude as of the last frame; None before the AHRS runs."""
@@ -437,7 +437,7 @@ class Ekf3Ahrs(AhrsBase):
         position = None if origin is None else self.get_relative_position_NED_origin_float()
         if origin is not None and position is not None and self._flags() & _HORIZ_POS:
             return origin.offset(position)
-        fix = self._parts.gps()
+        fix = self._newest_gps()
         has_fix = self._active and fix is not None and fix.fix_type >= FIX_3D
         return fix.location if has_fix and fix is not None else None
 
@@ -497,7 +497,7 @@ class Ekf3Ahrs(AhrsBase):
             return False
         self._replay_log.event(RESET_HEIGHT_DATUM)
         was_reset = self.cores.lanes.reset_height_datum()
-        is_zeroed_here = was_reset and not self._source.has_recorded_heights
+        is_zeroed_here = was_reset and not self.source.has_recorded_heights
         if is_zeroed_here and self._sensors is not None and self._sensors.baro is not None:
             self._baro_zero_m = self._sensors.baro[1]
         return was_reset
@@ -525,13 +525,26 @@ class Ekf3Ahrs(AhrsBase):
         if not self._active or self.cores is None or self.core is None:
             return "not using configured AHRS type" if self._has_compass() else "EKF3 not started"
         failure = self.cores.disagreement(checks_yaw=self._has_compass()) or source_failure(
-            self._sources, self._parts.is_fitted, requires_position=requires_position
+            self._sources, self._is_fitted, requires_position=requires_position
         )
         if failure is not None:
             return failure
         if self._parts.params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source != SourceYaw.GPS:
             return "EK3_MAG_CAL and EK3_SRC1_YAW inconsistent"
         return self.cores.lanes.unhealthy_reason(self._now_ms())
+
+    def _is_fitted(self, sensor: str) -> bool:
+        """Return whether there is a sensor that EKF sources may need."""
+        ranges = self.state.ranges
+        fitted = {
+            BARO: True,
+            COMPASS: self._has_compass(),
+            GPS: self._parts.params.get_int("GPS1_TYPE") != 0,
+            OPTICAL_FLOW: self._has_flow(),
+            RANGEFINDER_SENSOR: ranges is not None and any(one.orientation == DOWNWARD for one in ranges.finders),
+            VISUAL_ODOM: self.state.camera.enabled,
+        }
+        return fitted.get(sensor, False)
 
     # Calls of the drivers
 
@@ -564,12 +577,12 @@ class Ekf3Ahrs(AhrsBase):
         for ext_nav in self._ext_navs():
             ext_nav.write_pose(*sample, timeStamp_ms, delay_ms, resetTime_ms)
         self._tell_outcomes()
-        if self.on_pose is not None:
+        if self.source.follows_poses and not self._is_stopped:
             is_reset = resetTime_ms != self._reset_ms
             self._reset_ms = resetTime_ms
             lever = self._lever_arm()
             place = pos - quat.rotate_vector(Vector3f(*lever)) if any(lever) else pos
-            self.on_pose(place, quat, u32(timeStamp_ms - delay_ms), is_reset)
+            self.source.take_pose(place, quat, u32(timeStamp_ms - delay_ms), is_reset)
 
     def writeExtNavVelData(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
         """Log a velocity sample, then hand it to all cores."""

@@ -13,6 +13,7 @@ from ap_core.internal_error import InternalErrors
 from ap_core.param_cache import FromParams
 from ap_core.quaternion import Quaternion
 from ekf_stub.ahrs.parts import AhrsParts
+from ekf_stub.ahrs.vehicle_state import VehicleState
 from ekf_stub.core.core import AFFINITY_MAG, Core
 from ekf_stub.core.ext_nav import ExtNav
 from ekf_stub.core.imus import MAX_IMUS, Imus
@@ -90,21 +91,30 @@ class Cores:
 
     # What is handed in
 
-    def set_vehicle(self, *, home_lat: int, lever_arm: Three, gps: GpsSample | None, ranges: RangeState | None) -> None:
+    def set_vehicle(
+        self,
+        state: VehicleState,
+        expected: tuple[bool, bool],
+        *,
+        lever_arm: Three,
+        gps: GpsSample | None,
+        ranges: RangeState | None,
+    ) -> None:
         """Give the filters what the vehicle and its slow sensors say, before they are run.
 
         Args:
-            home_lat: 1e-7 deg.
+            state: of which arming and home count.
+            expected: whether a take-off is expected, and whether a touchdown is.
             lever_arm: the camera's place from the first IMU, m, body (FRD).
             gps, ranges: with places from the first IMU.
         """
         self._read_params()
-        parts, has_compass = self._parts, self._has_compass()
-        armed, (takeoff_expected, touchdown_expected) = parts.is_armed(), parts.expected()
+        has_compass, (takeoff_expected, touchdown_expected) = self._has_compass(), expected
+        home_lat = 0 if state.home is None else state.home.lat
         for core in self.lanes.cores:
             inputs, accel = core.inputs, self._imus.accel_of(core.imu)
             place = self._places()[accel] if self._differ else _HERE
-            inputs.armed = armed
+            inputs.armed = state.armed
             inputs.takeoff_expected, inputs.touchdown_expected = takeoff_expected, touchdown_expected
             inputs.home_lat, inputs.has_compass = home_lat, has_compass
             if self._is_news("gps", core, gps, place):

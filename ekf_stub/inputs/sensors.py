@@ -3,8 +3,13 @@
 """What the estimator is given by sensors, and who gives it."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final
 
+import numpy as np
+
+from ap_core.quaternion import Quaternion
+from ap_core.vector3 import Vector3f
+from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.inertial import Array, ImuReading, InertialDelta
 
 
@@ -28,20 +33,26 @@ class Sensors:
     imus: tuple[ImuReading, ...] = ()
 
 
-class SensorSource(Protocol):
-    """Where inertial data, height and magnetic field come from.
+_NOTHING_AHEAD: Final[Array] = np.zeros((0, 8))
+
+
+class SensorSource:
+    """Where inertial data, height and magnetic field come from; this one has no sensors.
 
     Attributes:
         has_recorded_heights: its barometer was set to zero as the recorded vehicle did so; it is not to be set again.
+        follows_poses: it wants the poses that external navigation gives (``take_pose``).
     """
 
-    has_recorded_heights: bool
+    has_recorded_heights = False
+    follows_poses = False
 
     def sense(self, now_us: int) -> Sensors | None:
         """Return what is there at a time since boot, or None while there are no new inertial data.
 
         Called once a pass of the main loop, with times that grow. Without data the filter skips the frame.
         """
+        return None
 
     def ahead(self, times_us: range) -> Array:
         """Return what the next passes get, as far as that is sound inertial data and else what the last one got.
@@ -53,6 +64,7 @@ class SensorSource(Protocol):
             Shape (n, 8), n up to their number: a pass's ``del_vel``, ``del_ang``, ``del_vel_dt`` and ``del_ang_dt``.
             Of IMUs that differ, one after the other in each row.
         """
+        return _NOTHING_AHEAD
 
     def pass_over(self, times_us: range) -> None:
         """Leave out passes that got what ``ahead`` had said."""
@@ -65,6 +77,26 @@ class SensorSource(Protocol):
 
         If so, passes of the main loop may be left out until then.
         """
+        return True
 
     def yaw_rad(self) -> float:
         """Return the true heading as far as the source knows it, rad; what a simple estimate (DCM) starts from."""
+        return 0.0
+
+    def gps(self) -> GpsSample | None:
+        """Return the newest solution of a GPS of the source's own; None without one."""
+        return None
+
+    def expected(self) -> tuple[bool, bool] | None:
+        """Return whether a take-off and whether a touchdown is expected; None if the vehicle is to find out."""
+        return None
+
+    def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, is_reset: bool) -> None:
+        """Hear of a pose that external navigation gives.
+
+        Args:
+            pos_ned: the IMU's place, m.
+            quat: the attitude, body (FRD) to earth.
+            observed_ms: when it was observed, since boot.
+            is_reset: whether it may have jumped.
+        """

@@ -116,8 +116,7 @@ def booted() -> Copies[tuple[Vehicle, Channel]]:
     vehicle = Vehicle(VehicleConfig(defaults={"VISO_TYPE": 1}))
     channel = vehicle.endpoint.open_channel("link")
     for now_us in BOOT_US:
-        vehicle.clock.set_us(now_us)
-        vehicle.loop()
+        vehicle.advance(range(now_us, now_us + 1))
     channel.take_output()
     return Copies((vehicle, channel))
 
@@ -140,8 +139,7 @@ def effect_of(*chunks: bytes) -> Effect:
         if event.header is not None:
             verdicts.append(event.verdict)
     for now_us in REPLIES_US:
-        vehicle.clock.set_us(now_us)
-        vehicle.loop()
+        vehicle.advance(range(now_us, now_us + 1))
     return Effect(tuple(verdicts), logged, channel.take_output())
 
 

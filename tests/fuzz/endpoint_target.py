@@ -117,8 +117,7 @@ class _Run:
 
     def pass_time(self, time_us: int) -> None:
         self.now_us = time_us
-        self.vehicle.clock.set_us(time_us)
-        self.vehicle.loop()
+        self.vehicle.advance(range(time_us, time_us + 1))
 
     def deliver(self, channel: Channel, data: bytes) -> None:
         self.vehicle.receive_bytes(channel, data)

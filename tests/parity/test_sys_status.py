@@ -38,8 +38,7 @@ def booted(viso_type: int, until_us: int) -> Vehicle:
     """Return a vehicle that has just heard of its camera."""
     vehicle = Vehicle(VehicleConfig(defaults={"VISO_TYPE": viso_type}))
     if until_us == BOOTED_US:
-        vehicle.clock.set_us(until_us)
-        vehicle.loop()
+        vehicle.advance(range(until_us, until_us + 1))
     else:
         Scheduler(vehicle).run_until(until_us)
     channel = vehicle.endpoint.open_channel("camera")

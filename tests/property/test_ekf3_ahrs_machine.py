@@ -131,8 +131,7 @@ class Trip:
         end_us = self.now_us + round(1e6 * seconds)
         while self.now_us < end_us:
             self.now_us += LOOP_PERIOD_US
-            self.vehicle.clock.set_us(self.now_us)
-            self.vehicle.loop()
+            self.vehicle.advance(range(self.now_us, self.now_us + 1))
             if self.is_seen and self.now_us >= self._next_us:
                 self._next_us = self.now_us + PERIOD_US
                 self.send(self.seen())

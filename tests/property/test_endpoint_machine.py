@@ -332,8 +332,7 @@ class EndpointMachine(RuleBasedStateMachine):
     def pass_time(self, time_us: int) -> None:
         """Run one pass of the main loop at a time."""
         self.now_us = time_us
-        self.vehicle.clock.set_us(time_us)
-        self.vehicle.loop()
+        self.vehicle.advance(range(time_us, time_us + 1))
         assert self.new_records == []
         assert len(self.calls) == self.calls_seen
 

@@ -13,6 +13,7 @@ from typing import Final
 
 from ap_core.clock import Clock
 from viso.logs.files import LASTLOG_NAME, LogStore, claim
+from viso.logs.logger import Logger
 
 REOPEN_US: Final = 1_000_000
 """The firmware looks once a second whether a log is to be opened."""
@@ -47,24 +48,16 @@ class StoredLogs:
     """The logs of a LogStore, ids from 1 for the oldest.
 
     Args:
-        open_number: returns the number of the log being written, or None.
-        close_log: closes the log being written; does nothing if there is none.
+        store: their folder.
+        clock: time since boot.
+        logger: which writes one of them.
         utc_us: returns the time of day, us since 1970, 0 while unknown.
     """
 
-    def __init__(
-        self,
-        store: LogStore,
-        *,
-        clock: Clock,
-        open_number: Callable[[], int | None],
-        close_log: Callable[[], None],
-        utc_us: Callable[[], int],
-    ) -> None:
+    def __init__(self, store: LogStore, clock: Clock, logger: Logger, utc_us: Callable[[], int]) -> None:
         self._store = store
         self._clock = clock
-        self._open_number = open_number
-        self._close_log = close_log
+        self._logger = logger
         self._utc_us = utc_us
         self._numbers: list[int] = []
         self._transferring = False
@@ -92,7 +85,7 @@ class StoredLogs:
             status = self._store.path_of(number).stat()
         except OSError:
             return 0, 0
-        being_written = number == self._open_number()
+        being_written = number == self._logger.open_number
         time_utc_s = self._utc_us() // 1_000_000 if being_written else int(status.st_mtime)
         return min(status.st_size, _U32_MAX), min(max(time_utc_s, 0), _U32_MAX)
 
@@ -107,7 +100,7 @@ class StoredLogs:
     def begin_transfer(self) -> None:
         """Close the log being written, and let none be opened until the transfer is over."""
         self._transferring = True
-        self._close_log()
+        self._logger.close()
 
     def end_transfer(self) -> None:
         """Let a new log be opened, in a second."""
@@ -116,7 +109,7 @@ class StoredLogs:
 
     def erase_all(self) -> None:
         """Close the log being written, delete all logs and LASTLOG.TXT, and let a log be opened in a second."""
-        self._close_log()
+        self._logger.close()
         directory = self._store.directory
         # FIRMWARE PARITY: the firmware is alone with its card; here a log that another vehicle is writing stays.
         logs = [path for path in directory.glob(_LOG_PATTERN) if path.is_file() and not _is_being_written(path)]

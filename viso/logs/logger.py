@@ -117,7 +117,7 @@ class Logger:
         if self._sink is not None and not self._sink.flush_if_due(now_us):
             self._give_up()
 
-    def quiet_until_us(self, wanted: bool) -> int:
+    def idle_until_us(self, wanted: bool) -> int:
         """Return before when ``update`` has nothing to do as things are; 0 if the next one may."""
         if self._sink is not None:
             return self._sink.flush_due_us if wanted else 0

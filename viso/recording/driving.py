@@ -103,9 +103,9 @@ def _run_virtual(recorder: Recorder, powered: PoweredVehicle, stop: Callable[[],
         while data := recorder.advance(now_us):
             scheduler.deliver(channel, data)
             recorder.receive(now_us, powered.vehicle.endpoint.bytes_to_send(channel))
-        # Up to the next pass of which something may come; those before bring nothing.
-        quiet_us = 0 if powered.vehicle.reboot_requested else powered.vehicle.quiet_until_us()
-        pass_us = max(scheduler.now_us // LOOP_PERIOD_US + 1, -(-quiet_us // LOOP_PERIOD_US)) * LOOP_PERIOD_US
+        # Up to the next pass at which something is to be done; those before bring nothing.
+        due_us = 0 if powered.vehicle.reboot_requested else powered.vehicle.next_due_us()
+        pass_us = max(scheduler.now_us // LOOP_PERIOD_US + 1, -(-due_us // LOOP_PERIOD_US)) * LOOP_PERIOD_US
         scheduler.run_until(min(max(recorder.next_due_us - booted_us, scheduler.now_us), pass_us))
         sent = powered.vehicle.endpoint.bytes_to_send(channel)
         if scheduler.now_us == pass_us and powered.restart_if_asked():

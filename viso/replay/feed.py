@@ -169,8 +169,7 @@ class Replay:
         while time_us - self._scheduler.now_us > LONGEST_SILENCE_US:
             self._run_until(self._scheduler.now_us + SILENCE_BEGIN_US)
             again_us = time_us - SILENCE_END_US
-            source = self._vehicle.ahrs.source
-            if source is None or source.is_at_rest(again_us):
+            if self._vehicle.source.is_at_rest(again_us):
                 self._scheduler.pass_over(again_us)
                 self._silences_us.append((silent_us, time_us - silent_us))
         self._run_until(time_us)

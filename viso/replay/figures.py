@@ -23,7 +23,7 @@ from viso.fates.labels import Fate, FilterCounts, fate_of, final_counts
 from viso.fates.watch import UNITS, AidingSpan, FilterWatch, SampleTest
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome
-from viso.sensors.flown.flight import Basis
+from viso.sensors.flight import Basis
 from viso.vehicle.vehicle import Vehicle
 
 Figure = float | int | None
@@ -166,8 +166,8 @@ class Judge:
         """Follow a vehicle from boot on."""
         self._vehicle = vehicle
         self._gate_of = _gates(vehicle)
-        if vehicle.flown is not None:
-            flight = vehicle.flown.flight
+        flight = vehicle.source.flight
+        if flight is not None:
             self._track, self.basis, self.notes = flight.track, flight.basis, flight.told()
         if watch is not None:
             watch.listeners.append(self._take_test)

@@ -5,7 +5,7 @@
 from collections.abc import Iterable, Iterator
 from typing import Final
 
-from viso.sensors.flown.flight import Basis
+from viso.sensors.flight import Basis
 
 OF_THE_STREAM: Final = ("VISO_DELAY_MS", "VISO_SCALE", "VISO_ORIENT", "VISO_POS_X", "VISO_POS_Y", "VISO_POS_Z")
 """What says how a stream belongs to the vehicle's own motion."""

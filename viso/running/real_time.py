@@ -78,7 +78,7 @@ class Pacer:
             self.step(until_us)
 
     def step(self, until_us: int | None = None) -> None:
-        """Wait for bytes, or for a pass of which something may come, then deal with them."""
+        """Wait for bytes, or for a pass at which something is to be done, then deal with them."""
         due_us = self._due_us()
         if until_us is not None:
             due_us = max(self._next_loop_us, min(due_us, until_us - self._before_restart_us))
@@ -94,10 +94,9 @@ class Pacer:
             other.exchange(self._powered.vehicle)
         now_us = self._now_us()
         if now_us >= self._next_loop_us:
-            clock = self._powered.vehicle.clock
-            is_late = now_us - self._next_loop_us >= LOOP_PERIOD_US
-            clock.set_us(now_us if is_late else max(self._next_loop_us, clock.micros64()))
-            self._powered.vehicle.loop()
+            vehicle, is_late = self._powered.vehicle, now_us - self._next_loop_us >= LOOP_PERIOD_US
+            pass_us = now_us if is_late else max(self._next_loop_us, vehicle.clock.micros64())
+            vehicle.advance(range(pass_us, pass_us + 1, LOOP_PERIOD_US))
             # A pass that comes late is not made up for, as on the real vehicle.
             self._next_loop_us = max(self._next_loop_us + LOOP_PERIOD_US, now_us)
             self._powered.vehicle.keep_set_parameters()
@@ -105,19 +104,16 @@ class Pacer:
             self._restart_if_asked()
 
     def _due_us(self) -> int:
-        """Return the time of the next pass of which something may come; until then there is nothing to get up for."""
-        passes = -((self._next_loop_us - self._powered.vehicle.quiet_until_us()) // LOOP_PERIOD_US)
+        """Return the time of the next pass at which something is to be done; until then nobody has to get up."""
+        passes = -((self._next_loop_us - self._powered.vehicle.next_due_us()) // LOOP_PERIOD_US)
         return self._next_loop_us + max(0, min(passes, MOST_SLEPT_OVER)) * LOOP_PERIOD_US
 
     def _make_up(self, until_us: int) -> None:
         """Run the passes that were slept over, each for its own time."""
         vehicle = self._powered.vehicle
         while self._next_loop_us <= until_us:
-            count = vehicle.loop_quietly(range(self._next_loop_us, until_us + 1, LOOP_PERIOD_US))
-            if not count:
-                vehicle.clock.set_us(self._next_loop_us)
-                vehicle.loop()
-            self._next_loop_us += LOOP_PERIOD_US * max(1, count)
+            count = vehicle.advance(range(self._next_loop_us, until_us + 1, LOOP_PERIOD_US))
+            self._next_loop_us += LOOP_PERIOD_US * count
             self._write()
 
     def _restart_if_asked(self) -> None:

@@ -13,7 +13,7 @@ class Scheduler:
 
     Attributes:
         period_us: from one pass to the next; longer where nobody looks at more than messages.
-        on_pass: called after each pass of which more may have come than steps of the filter, and after some others.
+        on_pass: called after each pass at which more was done than to run the filter, and after some others.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -35,13 +35,9 @@ class Scheduler:
         self._check_ahead(time_us)
         while self._next_loop_us <= time_us:
             ahead_us = range(self._next_loop_us, time_us + 1, self.period_us)
-            count = self._vehicle.loop_quietly(ahead_us)
-            if not count:
-                self._vehicle.clock.set_us(self._next_loop_us)
-                self._vehicle.loop()
+            self._next_loop_us += self.period_us * self._vehicle.advance(ahead_us)
             if self.on_pass is not None:
                 self.on_pass()
-            self._next_loop_us += self.period_us * max(1, count)
         self._vehicle.clock.set_us(time_us)
 
     def pass_over(self, time_us: int) -> None:

@@ -6,17 +6,17 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from ekf_stub.inputs.sensors import SensorSource
 from viso.errors import InputError
 from viso.sensors.flown.source import read_recorded_source
-from viso.sensors.flying.source import FlyingSource
+from viso.sensors.flying import FlyingSource
 from viso.sensors.hil.source import HilSource
 from viso.sensors.options import ImuOptions
 from viso.sensors.script.script import read_script_source
+from viso.sensors.source import VehicleSource
 from viso.sensors.standing import BenchSource
 from viso.sensors.stream.follow import FollowSource
 
-MakeSource = Callable[[ImuOptions], SensorSource]
+MakeSource = Callable[[ImuOptions], VehicleSource]
 
 FLOWN: Final = "log"
 """The source that flies a log again."""

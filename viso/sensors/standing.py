@@ -11,8 +11,9 @@ from ekf_stub.inputs.inertial import Array, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.sensors.attitude import quat_of_rpy, rotate_to_body
 from viso.sensors.errors import exact_delta
-from viso.sensors.options import ImuOptions, UnmovedSource
+from viso.sensors.options import ImuOptions
 from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
+from viso.sensors.source import VehicleSource
 
 NOMINAL_US: Final = 2500
 SHORTEST_US: Final = NOMINAL_US // 4
@@ -20,13 +21,15 @@ LONGEST_US: Final = 4 * NOMINAL_US
 MOST_AHEAD: Final = 40
 
 
-class BenchSource(UnmovedSource):
+class BenchSource(VehicleSource):
     """Sensors at rest, with a heading; level unless told otherwise.
 
     Args:
         options: heading, compass and errors.
         roll_rad, pitch_rad: how the vehicle stands.
     """
+
+    stands_for_ever = True
 
     def __init__(self, options: ImuOptions, *, roll_rad: float = 0.0, pitch_rad: float = 0.0) -> None:
         super().__init__(options)

@@ -14,7 +14,7 @@ import numpy as np
 
 from viso.errors import InputError, file_errors
 from viso.extras import pip_install
-from viso.sensors.flown.flight import Basis
+from viso.sensors.flight import Basis
 from viso.streams.stream_kinds import TrajectoryOptions
 from viso.sweep.dimensions import Axis
 

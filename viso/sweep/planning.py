@@ -21,7 +21,7 @@ from viso.options.ahrs import AhrsChoice, imu_options, of_stream
 from viso.options.firmware import firmware_of
 from viso.options.presets import preset_files
 from viso.options.settings import known_parameters, load_settings, parse_assignments
-from viso.sensors.flown.flight import Basis
+from viso.sensors.flight import Basis
 from viso.sensors.flown.source import read_flight
 from viso.sensors.inertial_sources import FLOWN
 from viso.sensors.script.script_file import EXAMPLES

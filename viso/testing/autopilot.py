@@ -13,7 +13,7 @@ from mav_handlers.wire.messages import Message
 from viso.fates.watch import FilterWatch
 from viso.files.outputs import replace_file
 from viso.firmware.releases import PROFILES
-from viso.sensors.script.script import Truth
+from viso.sensors.motion import Truth
 from viso.testing import claims, flights
 from viso.testing.booted import booted_vehicle
 from viso.testing.golden import GoldenFiles

@@ -14,7 +14,7 @@ from mav_handlers.wire.messages import (
     SET_POSITION_TARGET_LOCAL_NED,
     Message,
 )
-from viso.sensors.script.script import Truth
+from viso.sensors.motion import Truth
 from viso.testing.observations import StatusText
 from viso.vehicle.vehicle import Vehicle
 
@@ -56,7 +56,7 @@ class Flown(Protocol):
 
 def truth_of(autopilot: Flown) -> Truth:
     """Return where the vehicle really is. Raises ValueError if it is none that flies."""
-    airframe = autopilot.vehicle.airframe
+    airframe = autopilot.vehicle.source.airframe
     if airframe is None:
         raise ValueError("this autopilot does not fly: ask for imu='fly'")
     return airframe.truth()

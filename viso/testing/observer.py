@@ -14,7 +14,7 @@ from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import Message
 from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
 from viso.fates.watch import FilterWatch
-from viso.sensors.flying.airframe import AirframeState
+from viso.sensors.airframe import AirframeState
 from viso.streams.stream import StreamMessage
 from viso.testing.observations import MessageVerdict, Record, StatusText
 from viso.vehicle.vehicle import Vehicle
@@ -84,8 +84,8 @@ class Observer:
         header, rule = event.header, event.verdict.rule
         if header is not None:
             self.sent.append(StreamMessage(event.now_us, header.frame))
-            if self._vehicle.airframe is not None:
-                self.truths.append((event.now_us, self._vehicle.airframe.state))
+            if self._vehicle.source.airframe is not None:
+                self.truths.append((event.now_us, self._vehicle.source.airframe.state))
         samples = self._fates.take_handed()
         verdict = MessageVerdict(
             event.now_us,

@@ -10,20 +10,18 @@ from ap_core.param_cache import FromParams
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.parts import AhrsParts
-from ekf_stub.inputs.sensors import SensorSource
 from mav_handlers.signing.state import KeyStore, MemoryKeyStore
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.files import LogStore
 from viso.logs.sink import LogSink
 from viso.parameters.memory import MemoryParamStore, StoredParams
-from viso.sensors.flown.source import RecordedSource
 from viso.sensors.options import ImuOptions
+from viso.sensors.source import VehicleSource
 from viso.sensors.standing import BenchSource
-from viso.sensors.stream.follow import FollowSource
 
 
 def by_ekf3(
-    make_source: Callable[[ImuOptions], SensorSource], options: ImuOptions, *, buffer_ms: int = 0
+    make_source: Callable[[ImuOptions], VehicleSource], options: ImuOptions, *, buffer_ms: int = 0
 ) -> Callable[[AhrsParts], AhrsBase]:
     """Return the maker of an AHRS that runs the filter on sensors; the options' compass is the vehicle's.
 
@@ -35,11 +33,8 @@ def by_ekf3(
 
     def make(parts: AhrsParts) -> AhrsBase:
         source = make_source(replace(options, has_compass=FromParams(parts.params, parts.has_compass)))
-        start_us = source.flight.ahrs_start_us if isinstance(source, RecordedSource) else AHRS_START_US
-        ahrs = Ekf3Ahrs(parts, source, start_us=start_us, buffer_ms=buffer_ms)
-        if isinstance(source, FollowSource):
-            ahrs.on_pose = source.take_pose
-        return ahrs
+        start_us = AHRS_START_US if source.flight is None else source.flight.ahrs_start_us
+        return Ekf3Ahrs(parts, source, start_us=start_us, buffer_ms=buffer_ms)
 
     return make
 

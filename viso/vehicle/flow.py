@@ -7,7 +7,7 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from ap_core.cint import float_of_u64, i32, u8, u16, u32
-from ap_core.clock import Clock
+from ap_core.clock import NEVER, Clock
 from ap_core.fmath import FLT_EPSILON, M_PI, cosf, f32, sinf
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
@@ -108,10 +108,9 @@ class MavlinkFlow:
         self._count = u16(self._count + 1)
         return True
 
-    @property
-    def is_idle(self) -> bool:
-        """Whether ``update`` brings about nothing."""
-        return not self._has_driver
+    def idle_until_us(self) -> int:
+        """Return before when ``update`` has nothing to do; 0 if the next one may."""
+        return NEVER if not self._has_driver else 0
 
     def update(self) -> None:
         """Make the flow since the last update known, 200 times per second (AP_OpticalFlow::update)."""

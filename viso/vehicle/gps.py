@@ -134,8 +134,8 @@ class MavlinkGps:
         else:
             self._update_instance(self._driver)
 
-    def quiet_until_us(self) -> int:
-        """Return before when ``update`` changes nothing, since boot, as long as neither messages nor parameters do."""
+    def idle_until_us(self) -> int:
+        """Return before when ``update`` has nothing to do as things are; 0 if the next one may."""
         if self._type() == GPS_TYPE_NONE:
             return NEVER if self._state.status == NO_GPS else 0
         if self._driver is None:

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ap_core.cint import i8, u32
-from ap_core.clock import Clock
+from ap_core.clock import NEVER, Clock
 from ap_core.fmath import f32
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
@@ -156,10 +156,9 @@ class MavlinkRanges:
         takers = [finder for finder in self._finders.values() if finder.take(packet, now_ms)]
         return bool(takers)
 
-    @property
-    def is_idle(self) -> bool:
-        """Whether ``update`` brings about nothing."""
-        return not self._finders
+    def idle_until_us(self) -> int:
+        """Return before when ``update`` has nothing to do; 0 if the next one may."""
+        return NEVER if not self._finders else 0
 
     def update(self) -> None:
         """Make what was heard known, 20 times per second (RangeFinder::update)."""

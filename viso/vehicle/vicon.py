@@ -24,8 +24,8 @@ from mav_handlers.wire.messages import (
 )
 from viso.geometry import quaternions as quaternion
 from viso.geometry.attitude import euler_of
+from viso.sensors.airframe import Airframe
 from viso.sensors.attitude import quat_of_rpy, rotate_to_body
-from viso.sensors.flying.source import FlyingSource
 from viso.sensors.vectors import Three, added, turned
 
 SYSTEM_ID: Final = 17
@@ -56,7 +56,7 @@ class _Waiting:
 class Vicon:
     """The camera; its delays, its noise and how far its clock is off are of the seed."""
 
-    def __init__(self, airframe: FlyingSource, params: ParamGroup, seed: int = 0) -> None:
+    def __init__(self, airframe: Airframe, params: ParamGroup, seed: int = 0) -> None:
         self._airframe = airframe
         self._params = params
         self._draw = random.Random(seed)

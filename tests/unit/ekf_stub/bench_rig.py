@@ -21,7 +21,6 @@ from ekf_stub.core.core import Core
 from ekf_stub.core.covariance import ACCEL, GYRO
 from ekf_stub.core.params import EkfSources
 from ekf_stub.inputs.gps_sample import USUAL_LAG_S, GpsSample
-from ekf_stub.inputs.range_state import RangeState
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
 from ekf_stub.reports.core_report import CoreReport
@@ -54,8 +53,7 @@ class BenchRig:
         primaries: the primary cores, one after the other.
         records: name and values of what was logged for a replay, while ``is_logged``.
         place: where it stands.
-        gps: the GPS's newest solution.
-        armed, flying_since_us, home: what they say.
+        state: what the AHRS is told of the vehicle.
         has_camera: whether there is visual odometry.
         camera_pos: the place of the camera on the vehicle, m, body.
     """
@@ -75,12 +73,7 @@ class BenchRig:
         self.records: list[tuple[str, tuple[LogValue, ...]]] = []
         self.is_logged = False
         self.place = HOME
-        self.gps: GpsSample | None = None
-        self.armed = False
-        self.flying_since_us: int | None = None
-        self.home: Location | None = None
         self.has_camera = True
-        self.ranges: RangeState | None = None
         self.camera_pos = Vector3f()
         self.sources = EkfSources(lambda name: self.params.get_int(f"EK3_{name}"))
         self.params.on_change.append(self.sources.forget)
@@ -93,19 +86,12 @@ class BenchRig:
                 logger=SilentLog(),
                 params=self.params,
                 texts=self,
-                gps=lambda: self.gps,
-                gps_lag_s=lambda: USUAL_LAG_S,
-                is_armed=lambda: self.armed,
-                visual_odom_enabled=lambda: self.has_camera,
-                on_yaw_reset=lambda: self.yaw_resets.append(self.now_ms),
-                on_primary=self.primaries.append,
-                flying_since_us=lambda: self.flying_since_us,
-                home=lambda: self.home,
-                ranges=lambda: self.ranges,
             ),
             source,
         )
-        self._next_us = 0
+        self.state = self.ahrs.state
+        self.state.gps_lag_s = USUAL_LAG_S
+        self._next_us = self._yaw_reset_ms = 0
 
     def use_sources(self, sources: str, number: int = 1) -> None:
         """Set the rows of a source set."""
@@ -127,18 +113,28 @@ class BenchRig:
 
     def run_to(self, time_s: float) -> None:
         """Run the main loop."""
-        camera = VisualOdomFrame(self.camera_pos, 10, True, True)
+        camera = VisualOdomFrame(self.camera_pos, 10, True, self.has_camera)
         if self._next_us == 0 and time_s * 1e6 > QUIET_UNTIL_US:
             self.run_to(0.0)
             self._next_us = QUIET_UNTIL_US
         while self._next_us <= round(time_s * 1e6):
             self.clock.set_us(self._next_us)
-            self.ahrs.update(camera)
+            self.state.camera = camera
+            self.ahrs.update()
+            self.hear_of_changes()
             self._next_us += LOOP_US
             flags = self.flags
             if not self.statuses or self.statuses[-1][1] != flags:
                 self.statuses.append((self.now_ms, flags))
         self.clock.set_us(round(time_s * 1e6))
+
+    def hear_of_changes(self) -> None:
+        """Note jumps of the yaw, and which core is primary, if either has changed."""
+        if self.ahrs.yaw_reset_ms != self._yaw_reset_ms:
+            self._yaw_reset_ms = self.ahrs.yaw_reset_ms
+            self.yaw_resets.append(self.now_ms)
+        if self.ahrs.primary != (self.primaries[-1] if self.primaries else 0):
+            self.primaries.append(self.ahrs.primary)
 
     def run_for(self, duration_s: float) -> None:
         """Run the main loop on."""
@@ -213,7 +209,7 @@ class BenchRig:
     def fix(self, place: Location | None = None, **fields: Any) -> None:
         """Let the GPS have a solution of now, of the place where it stands unless told another."""
         values: dict[str, Any] = {"fix_type": 3, "vel_ned": Vector3f(), "num_sats": 10, "hdop": 120, **fields}
-        self.gps = GpsSample(time_ms=self.now_ms, location=place or self.place, **values)
+        self.state.gps = GpsSample(time_ms=self.now_ms, location=place or self.place, **values)
 
     def stream_gps(self, until_s: float, place: Location | None = None, **fields: Any) -> None:
         """Let the GPS have a solution five times per second."""

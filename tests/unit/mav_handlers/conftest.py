@@ -9,14 +9,14 @@ from typing import Any, TypeVar, cast
 
 import pytest
 
-from ap_core.clock import NEVER
+from ap_core.clock import VirtualClock
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.verdict import Verdict
 from ekf_stub.ahrs.ahrs_base import AhrsBase
+from ekf_stub.ahrs.ahrs_ekf3 import passes_through
 from ekf_stub.ahrs.ahrs_settable import ExtNav, ExtNavVel, RememberedCalls
 from ekf_stub.ahrs.parts import AhrsParts
-from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
@@ -25,7 +25,7 @@ from tests.copies import Copies
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
-from viso.sensors.flying.source import FlyingSource
+from viso.sensors.flying import FlyingSource
 from viso.sensors.options import ImuOptions
 from viso.vehicle.config import bench, by_ekf3
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
@@ -46,24 +46,23 @@ class SpyAhrs(RememberedCalls):
         runs: whether the filter does; else it goes on saying what it said last, as it would of a vehicle at rest.
     """
 
-    def __init__(self, ahrs: AhrsBase) -> None:
+    def __init__(self, ahrs: AhrsBase, clock: VirtualClock) -> None:
         super().__init__()
         self._ahrs = ahrs
+        self._clock = clock
         self.runs = True
 
-    def update(self, camera: VisualOdomFrame) -> None:
+    @property
+    def runs_ahead(self) -> bool:
+        return not self.runs
+
+    def advance(self, times_us: range, due_us: Callable[[], int]) -> int:
         if self.runs:
-            self._ahrs.update(camera)
-
-    def quiet_until_us(self) -> int:
-        return 0 if self.runs else NEVER
-
-    def run_quietly(self, times_us: range, set_us: Callable[[int], None], is_quiet: Callable[[int], bool]) -> int:
-        for count, now_us in enumerate(times_us, 1):
-            set_us(now_us)
-            if not is_quiet(now_us):
-                return count
-        return len(times_us)
+            self._ahrs.update()
+            return 1
+        left = passes_through(times_us, due_us())
+        self._clock.set_us(left[-1])
+        return len(left)
 
     def __getattr__(self, name: str) -> Any:
         if name == "_ahrs":  # a copy in the making
@@ -170,7 +169,7 @@ class Bench:
 
         def make_ahrs(parts: AhrsParts) -> AhrsBase:
             make = by_ekf3(FlyingSource, ImuOptions()) if flies else bench()
-            spies.append(SpyAhrs(make(parts)))
+            spies.append(SpyAhrs(make(parts), parts.clock))
             return cast("AhrsBase", spies[-1])
 
         config = VehicleConfig(

@@ -356,7 +356,7 @@ class TestTexts:
     def test_text_without_any_link_is_gone(self) -> None:
         vehicle = Vehicle(VehicleConfig())
         vehicle.texts.send_text(6, "early")
-        vehicle.loop()
+        vehicle.advance(range(1))
         assert list(vehicle.texts.pending()) == []
 
     def test_long_text_arrives_in_chunks(self, bench: "Bench", client: "Client") -> None:

@@ -25,6 +25,7 @@ from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 from mav_handlers.links.pair import make_pair
+from mav_handlers.transfers.log_transfer import LogTransfer
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, ODOMETRY, PARAM_SET, Message
 from tests.copies import Copies
@@ -36,10 +37,13 @@ from viso.logs.sink import LogSink, MemoryLog
 from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.table import make_groups
 from viso.running.virtual_time import Scheduler
+from viso.sensors.options import ImuOptions
+from viso.sensors.source import VehicleSource
 from viso.terminal import console
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.flow import MavlinkFlow
+from viso.vehicle.gps import MavlinkGps
 from viso.vehicle.ranges import MavlinkRanges
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 
@@ -212,6 +216,7 @@ NAVIGATES = FilterFlag.ATTITUDE | FilterFlag.VERT_VEL | FilterFlag.VERT_POS | Fi
 class FakeAhrs(SettableAhrs):
     """An AHRS whose every answer is an attribute, as far as a copter asks."""
 
+    primary = yaw_reset_ms = 0
     started = True
     is_healthy = True
     failure: str | None = None
@@ -288,7 +293,7 @@ class FakeVisualOdom:
 class CopterRig:
     """A copter with everything that it needs faked; texts, records and changes of mode are kept."""
 
-    def __init__(self, open_log: Callable[[], LogSink] | None = MemoryLog) -> None:
+    def __init__(self, open_log: Callable[[], LogSink] | None = MemoryLog, source: VehicleSource | None = None) -> None:
         self.clock = VirtualClock()
         self.clock.set_us(10_000_000)
         self.params = ParamTable(make_groups(0))
@@ -298,9 +303,7 @@ class CopterRig:
         self.visual_odom = FakeVisualOdom()
         self.errors = InternalErrors()
         self.gps: GpsSample | None = None
-        self.initialised = True
-        self.downloading = False
-        self.mode_changes = 0
+        self.is_active = False
         self.logger = Logger(self.clock, open_log)
         self.logger.on_write = lambda structure, values: self.records.append(
             (structure.name, dict(zip(structure.fields, values, strict=True)))
@@ -318,17 +321,20 @@ class CopterRig:
                 internal_errors=self.errors,
                 flow=MavlinkFlow(self.clock, self.params, cast(AhrsBase, self.ahrs), self.logger),
                 ranges=self.ranges,
-                gps=lambda: self.gps,
-                is_initialised=lambda: self.initialised,
-                is_downloading=lambda: self.downloading,
-                on_mode=self._note_mode,
-                on_armed=lambda: None,
+                gps=cast(MavlinkGps, self),
+                source=source or VehicleSource(ImuOptions()),
+                log_transfer=cast(LogTransfer, self),
             )
         )
+        self.copter.has_booted = True
         self.copter.disarm_when_idle()
 
-    def _note_mode(self) -> None:
-        self.mode_changes += 1
+    def sample(self) -> GpsSample | None:
+        """Return the newest solution (MavlinkGps)."""
+        return self.gps
+
+    def pause(self) -> None:
+        """Do nothing: no log is being downloaded (LogTransfer)."""
 
     def send_text(self, severity: int, text: str) -> None:
         self.texts.append((severity, text))

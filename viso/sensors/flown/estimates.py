@@ -17,7 +17,7 @@ from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.inputs.inertial import Array
 from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.turning import quats_of_euler, rotation_vectors
-from viso.sensors.flown.flight import PASS_US, Basis, Flight, chosen, growing
+from viso.sensors.flight import PASS_US, Basis, Flight, chosen, growing
 from viso.sensors.flown.imu_records import edges_of, flight_of, gaps_in, hermite, passes_of
 
 JERK_NOISE: Final = 20.0

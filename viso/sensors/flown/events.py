@@ -17,7 +17,7 @@ from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.inputs.gps_sample import FIX_3D, USUAL_LAG_S, GpsSample
 from ekf_stub.inputs.inertial import Array
 from viso.logs.filter_records import rows_of
-from viso.sensors.flown.flight import (
+from viso.sensors.flight import (
     Event,
     Happening,
     Ints,

@@ -16,8 +16,8 @@ import numpy as np
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.inputs.inertial import Array
 from viso.logs.recorded import valid_positions
+from viso.sensors.flight import PASS_US, REST_S, Basis, Flight, Ints, chosen, growing, imu_of, parameters
 from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
-from viso.sensors.flown.flight import PASS_US, REST_S, Basis, Flight, Ints, chosen, growing, imu_of, parameters
 from viso.sensors.flown.slow_sensors import slow_sensors
 
 GAP_S: Final = 0.5

@@ -15,8 +15,8 @@ from ekf_stub.core.imus import MAX_IMUS
 from ekf_stub.inputs.inertial import Array
 from ekf_stub.log.replay_log import INERTIAL, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, USE_ACCEL, USE_GYRO
 from viso.logs.recorded import valid_positions
+from viso.sensors.flight import Basis, Flight, FlownImu, Ints, Readings, chosen, growing, imu_of, readings
 from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
-from viso.sensors.flown.flight import Basis, Flight, FlownImu, Ints, Readings, chosen, growing, imu_of, readings
 from viso.sensors.flown.slow_sensors import slow_sensors
 
 

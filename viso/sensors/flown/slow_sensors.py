@@ -9,7 +9,7 @@ import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.inputs.inertial import Array
-from viso.sensors.flown.flight import Ints, Readings, chosen, first_instance, has, parameters, readings
+from viso.sensors.flight import Ints, Readings, chosen, first_instance, has, parameters, readings
 
 _CORE: Final = 0
 _EKF_ORIGIN: Final = 0  # of ORGN.Type

@@ -18,12 +18,13 @@ from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.logs.recorded import read_columns
 from viso.sensors.errors import to_single
+from viso.sensors.flight import Basis, Event, Flight, Happening, chosen
 from viso.sensors.flown.estimates import estimates
 from viso.sensors.flown.events import events_of
-from viso.sensors.flown.flight import Basis, Event, Flight, Happening, chosen
 from viso.sensors.flown.imu_records import imu_records
 from viso.sensors.flown.replay_records import replay_records
-from viso.sensors.options import ImuOptions, UnmovedSource
+from viso.sensors.options import ImuOptions
+from viso.sensors.source import VehicleSource
 
 READERS: Final[Mapping[Basis, Callable[[LogColumns, int], Flight | None]]] = MappingProxyType(
     {Basis.REPLAY: replay_records, Basis.IMU: imu_records, Basis.ESTIMATE: estimates}
@@ -52,7 +53,7 @@ def read_flight(path: Path) -> Flight:
     raise InputError(f"{path}: no motion to fly: neither replay records, nor IMU, nor ATT with XKF1 or POS")
 
 
-class RecordedSource(UnmovedSource):
+class RecordedSource(VehicleSource):
     """Sensors that say what they said in a log, at the same times since boot.
 
     A pass gets what the log's passes since the last one add up to; without any, as before the log's first and after
@@ -60,6 +61,8 @@ class RecordedSource(UnmovedSource):
     """
 
     has_recorded_heights = True
+
+    flight: Flight
 
     def __init__(self, options: ImuOptions, flight: Flight) -> None:
         super().__init__(options)

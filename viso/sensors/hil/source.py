@@ -20,8 +20,9 @@ from viso.geometry.attitude import euler_of
 from viso.sensors.attitude import halfway, rotate_to_body, rotation_between
 from viso.sensors.errors import exact_delta, to_single
 from viso.sensors.hil.readings import MessageTime, RelativeHeight, isa_height_m
-from viso.sensors.options import ImuOptions, UnmovedSource
+from viso.sensors.options import ImuOptions
 from viso.sensors.readings import PERIOD_US, ideal_field, last_reading_us
+from viso.sensors.source import VehicleSource
 from viso.sensors.vectors import ZERO, Three, added, scaled
 
 UPDATED_INERTIAL: Final = 0b111111
@@ -45,7 +46,7 @@ SENSOR_PREFERRED_US: Final = 1_000_000
 _LENGTH_TOLERANCE: Final = 0.1
 
 
-class HilSource(UnmovedSource):
+class HilSource(VehicleSource):
     """What a simulator's messages say; the loop of the filter runs at their rate, and rests while there are none.
 
     HIL_SENSOR gives specific force and rates, which are multiplied by the time since the message before, limited to
@@ -75,6 +76,7 @@ class HilSource(UnmovedSource):
         self._clear()
         self._height: float | None = None
         self._field: Array | None = None
+        self.hil = self
         self.ignored: Counter[str] = Counter()
 
     # What the sensors say

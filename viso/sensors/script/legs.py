@@ -10,8 +10,8 @@ from itertools import accumulate
 from typing import Final, NamedTuple, Protocol
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from viso.geometry import quaternions as quaternion
 from viso.sensors.attitude import quat_of_rpy
+from viso.sensors.motion import State
 from viso.sensors.vectors import ZERO, Three, added, scaled
 
 TURN: Final = 2.0 * math.pi
@@ -215,15 +215,6 @@ class SquareLeg:
         to_north, to_east = _to_earth(self.bearing_rad, (self.side_m * ahead, self.side_m * right))
         north, east, down = self.start
         return north + to_north, east + to_east, down
-
-
-class State(NamedTuple):
-    """Position and velocity in m and m/s, NED, attitude (body to earth), and yaw in rad, full turns counted."""
-
-    pos: Three
-    vel: Three
-    quat: quaternion.quaternion
-    yaw_rad: float
 
 
 def tilt_of(motion: Motion) -> tuple[float, float]:

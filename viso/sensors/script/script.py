@@ -5,33 +5,22 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
-from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.inputs.inertial import InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.files.text_files import read_text
-from viso.sensors.attitude import halfway, rotate_to_body, rotation_between
-from viso.sensors.errors import exact_delta
-from viso.sensors.options import ImuOptions, UnmovedSource
+from viso.sensors.motion import State, Truth, delta_between
+from viso.sensors.options import ImuOptions
 from viso.sensors.readings import last_reading_us
-from viso.sensors.script.legs import TURN, State
+from viso.sensors.script.legs import TURN
 from viso.sensors.script.script_file import EXAMPLES, Script, parse_script
-from viso.sensors.vectors import Three, added
+from viso.sensors.source import VehicleSource
 
 FIRST_INTERVAL_US: Final = 2500
 
 
-class Truth(NamedTuple):
-    """Where a scripted vehicle really is: m and m/s (NED), attitude (body to earth)."""
-
-    pos_ned: Three
-    vel_ned: Three
-    quat_wxyz: tuple[float, float, float, float]
-
-
-class ScriptSource(UnmovedSource):
+class ScriptSource(VehicleSource):
     """The sensors of a vehicle that moves as a script says.
 
     Inertial data are integrals over the time since the last pass, however long that was: the change of velocity without
@@ -84,13 +73,6 @@ class ScriptSource(UnmovedSource):
         state = self._state(now_us)
         quat = state.quat
         return Truth(state.pos, state.vel, (quat.w, quat.x, quat.y, quat.z))
-
-
-def delta_between(before: State, now: State, dt: float) -> InertialDelta:
-    """Return what inertial sensors feel from one state to another, in ``dt`` seconds."""
-    north, east, down = added(now.vel, before.vel, -1.0)
-    del_vel = rotate_to_body(halfway(before.quat, now.quat), (north, east, down - GRAVITY_MSS * dt))
-    return exact_delta(del_vel, rotation_between(before.quat, now.quat), dt)
 
 
 def read_script_source(argument: str) -> Callable[[ImuOptions], ScriptSource]:

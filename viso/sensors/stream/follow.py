@@ -12,7 +12,8 @@ from ekf_stub.inputs.sensors import Sensors
 from viso.geometry import quaternions as quaternion
 from viso.geometry.attitude import euler_of
 from viso.sensors.errors import exact_delta
-from viso.sensors.options import ImuOptions, UnmovedSource
+from viso.sensors.options import ImuOptions
+from viso.sensors.source import VehicleSource
 from viso.sensors.standing import LONGEST_US, NOMINAL_US, SHORTEST_US
 from viso.sensors.stream.follower import StreamFollower
 from viso.sensors.stream.frame import Pose
@@ -35,7 +36,7 @@ _STEER_US: Final = 10_000
 _LENGTH_TOLERANCE: Final = 0.1
 
 
-class FollowSource(UnmovedSource):
+class FollowSource(VehicleSource):
     """Sensors of a vehicle that follows the poses that external navigation gives.
 
     The vehicle starts at rest, level, at height 0, with the heading of the options, and stays so for 6 s after boot;
@@ -65,6 +66,8 @@ class FollowSource(UnmovedSource):
     Attributes:
         ignored: how many poses were not used, by reason.
     """
+
+    follows_poses = True
 
     def __init__(self, options: ImuOptions, *, heeds_stamps: bool = True) -> None:
         super().__init__(options)

@@ -36,6 +36,7 @@ class CheckedCopter(Protocol):
     modes: FlightModes
     arming: Arming
     safety_on: bool
+    has_booted: bool
 
     def has_home(self) -> bool:
         """Return whether home is set."""
@@ -78,7 +79,7 @@ class ArmingChecks:
 
     def system_initialised(self) -> str | None:
         """Booting is over."""
-        return None if self._parts.is_initialised() else "System not initialised"
+        return None if self._copter.has_booted else "System not initialised"
 
     def altitude(self) -> str | None:
         """A mode that holds height needs to know it (alt_checks)."""
@@ -96,7 +97,7 @@ class ArmingChecks:
         """What is mandatory, between what a mode with a position needs of GPS and home (gps_checks)."""
         if not (self._mode().requires_position and self._copter.arming.is_enabled(CHECK_GPS)):
             return self.position()
-        solution = self._parts.gps()
+        solution = self._parts.newest_gps()
         return self._gps_failure(solution) or self.position() or self._dilution_failure(solution)
 
     def _gps_failure(self, solution: GpsSample | None) -> str | None:
@@ -139,7 +140,7 @@ class ArmingChecks:
         """Logs can be written, and nobody is downloading one (logging_checks)."""
         if self._parts.logger.failure is not None:
             return "Logging failed"
-        return "Downloading logs" if self._parts.is_downloading() else None
+        return "Downloading logs" if self._parts.log_transfer.is_active else None
 
     def mission(self) -> str | None:
         """AUTO has a mission; there is none here (mission_checks)."""

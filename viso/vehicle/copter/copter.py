@@ -7,9 +7,10 @@ from enum import IntEnum
 from typing import Final
 
 from ap_core.cint import u8
+from ap_core.clock import NEVER
 from mav_handlers.mission import Mission
 from mav_handlers.ports import AvailableMode
-from viso.sensors.flying.source import FlyingSource
+from viso.sensors.airframe import Airframe
 from viso.vehicle.copter.arming import Arming, ArmMethod
 from viso.vehicle.copter.arming_checks import ArmingChecks
 from viso.vehicle.copter.ekf_check import EkfCheck
@@ -22,6 +23,7 @@ from viso.vehicle.copter.motors import Motors
 from viso.vehicle.copter.parts import CopterParts
 
 EV_EKF_ALT_RESET: Final = 60
+EV_EKF_YAW_RESET: Final = 62
 ERR_SUBSYSTEM_EKF_PRIMARY: Final = 24
 
 STANDS_TEXT: Final = "Takeoff refused: nothing moves it; use --imu fly"
@@ -45,6 +47,7 @@ class Copter:
         flight: who flies it; None if nobody does.
         safety_on: the safety switch keeps the motors off.
         disarmed_us: when it was disarmed, or arming it failed; None before the first time.
+        has_booted: booting is over.
     """
 
     def __init__(self, parts: CopterParts) -> None:
@@ -58,18 +61,21 @@ class Copter:
         self.home = Home(parts, self.is_armed, self.mission)
         self.modes = FlightModes(parts, self.estimates, self.home, self.is_armed)
         self._motors = Motors(parts)
-        self.landing = Landing(parts, lambda: self.modes.current, self._motors)
+        self.landing = Landing(parts, self.modes, self._motors)
         checks = ArmingChecks(parts, self).lists()
         group = parts.params.group("ARMING_")
         self.arming = Arming(checks, group, parts.texts, parts.log, parts.clock, parts.release)
         self.disarmed_us: int | None = None
+        self.has_booted = False
         self._was_stable = True
-        self.flight = None if parts.airframe is None else self._make_flight(parts.airframe)
+        self._mode_has_changed = False
+        self._primary = parts.ahrs.primary
+        self._yaw_reset_ms = parts.ahrs.yaw_reset_ms
+        airframe = parts.source.airframe
+        self.flight = None if airframe is None else self._make_flight(airframe)
 
-    def _make_flight(self, airframe: FlyingSource) -> FlightControl:
-        flight = FlightControl(airframe, self._parts, self.modes, self.landing, self.estimates, self.home)
-        self.landing.grounded_us = lambda: flight.grounded_us
-        return flight
+    def _make_flight(self, airframe: Airframe) -> FlightControl:
+        return FlightControl(airframe, self._parts, self.modes, self.landing, self.estimates, self.home)
 
     def _act_on_ekf_failure(self) -> str | None:
         """Leave a mode that needs a position, as FS_EKF_ACTION has it; return the new one's name if it was left.
@@ -88,7 +94,7 @@ class Copter:
         if action != EkfAction.ALT_HOLD or not self.modes.set_mode(ModeNumber.ALT_HOLD, ModeReason.EKF_FAILSAFE):
             self.modes.set_mode(ModeNumber.LAND, ModeReason.EKF_FAILSAFE)
             flight.land_later()
-        self._parts.on_mode()
+        self._mode_has_changed = True
         return self.modes.current.name
 
     def _aids_relative_position(self) -> bool:
@@ -106,32 +112,64 @@ class Copter:
 
     def enter_initial_mode(self) -> None:
         """Enter the mode of INITIAL_MODE, at the end of booting, or stay in STABILIZE (Copter::init_ardupilot)."""
+        self.has_booted = True
         self.modes.set_mode(u8(self._parts.params.get_int("INITIAL_MODE")), ModeReason.INITIALISED)
 
     def update(self) -> None:
-        """Set home, lift off, land; once a pass of the main loop."""
+        """Hear of the estimator's jumps, set home, lift off, land; once a pass of the main loop."""
+        self._check_ekf_reset()
         self.home.update()
         self._motors.update()
         decides = self.flight is None or self.flight.update(armed=self.arming.armed)
-        if self.arming.armed and (decides or self.landing.quiet_until_us() <= self._parts.clock.micros64()):
+        if self.arming.armed and (decides or self.landing.idle_until_us() <= self._parts.clock.micros64()):
             self.landing.update()
             if self.landing.has_landed_by_itself():
                 self._disarm(ArmMethod.LANDED)
 
-    def quiet_until_us(self) -> int:
-        """Return until when ``update`` has nothing to do as things are; 0 if it may."""
-        until_us = min(self.home.quiet_until_us(), self._motors.quiet_until_us())
+    def idle_until_us(self) -> int:
+        """Return before when ``update`` has nothing to do as things are; 0 if the next one may."""
+        if self._ekf_has_reset():
+            return 0
+        until_us = min(self.home.idle_until_us(), self._motors.idle_until_us())
         if self.flight is not None:
-            until_us = min(until_us, self.flight.quiet_until_us(armed=self.arming.armed))
-        return min(until_us, self.landing.quiet_until_us()) if self.arming.armed else until_us
+            until_us = min(until_us, self.flight.idle_until_us(armed=self.arming.armed))
+        return min(until_us, self.landing.idle_until_us()) if self.arming.armed else until_us
+
+    def _ekf_has_reset(self) -> bool:
+        ahrs = self._parts.ahrs
+        return ahrs.yaw_reset_ms != self._yaw_reset_ms or ahrs.primary != self._primary
+
+    def _check_ekf_reset(self) -> None:
+        """Log and tell that the estimator's yaw has jumped, and by which core the vehicle flies from now on.
+
+        Source: Copter::check_ekf_reset.
+        """
+        ahrs, parts = self._parts.ahrs, self._parts
+        if ahrs.yaw_reset_ms != self._yaw_reset_ms:
+            self._yaw_reset_ms = ahrs.yaw_reset_ms
+            parts.log.event(EV_EKF_YAW_RESET)
+        if ahrs.primary != self._primary:
+            self._primary = ahrs.primary
+            parts.log.error(ERR_SUBSYSTEM_EKF_PRIMARY, self._primary)
+            parts.texts.send_text(_MAV_SEVERITY_WARNING, f"EKF primary changed:{self._primary}")
+
+    def take_changed(self) -> list[str]:
+        """Return, once, the messages that tell of what has changed."""
+        changed = ["HOME_POSITION", "GPS_GLOBAL_ORIGIN"] if self.home.take_changed() else []
+        if self._mode_has_changed:
+            self._mode_has_changed = False
+            changed.append("HEARTBEAT")
+        return changed
 
     def check_estimator(self) -> None:
         """See whether the estimator is to be trusted; ten times per second."""
         self._ekf_check.update()
 
-    def has_news_of_terrain(self) -> bool:
-        """Return whether ``expect_ground`` has anything new to tell but of take-off and touchdown."""
-        return self._is_stable() != self._was_stable
+    def expects_ground_until_us(self) -> int:
+        """Return before when ``expect_ground`` changes nothing, as things are; 0 if the next time it may."""
+        is_told = self._parts.source.expected() is not None
+        may_change = not is_told and self.landing.may_expect(armed=self.arming.armed)
+        return 0 if may_change or self._is_stable() != self._was_stable else NEVER
 
     def _is_stable(self) -> bool:
         return (self.landing.is_taking_off() or self.modes.current.lands) and self.estimates.position_ok()
@@ -145,11 +183,6 @@ class Copter:
         self._was_stable = self._is_stable()
         self._parts.ahrs.set_terrain_stable(is_stable=self._was_stable)
 
-    def note_primary(self, core: int) -> None:
-        """Log and tell by which core of the estimator the vehicle flies from now on (Copter::check_ekf_reset)."""
-        self._parts.log.error(ERR_SUBSYSTEM_EKF_PRIMARY, core)
-        self._parts.texts.send_text(_MAV_SEVERITY_WARNING, f"EKF primary changed:{core}")
-
     def disarm_when_idle(self) -> None:
         """Disarm after DISARM_DELAY on the ground; ten times per second."""
         if self.landing.wants_disarming(self.is_armed()):
@@ -161,8 +194,7 @@ class Copter:
         """Enter a mode on behalf of a client; say whether the vehicle is in it now. A refusal is told as a text."""
         before = self.modes.current
         entered = self.modes.set_mode(number, reason)
-        if self.modes.current is not before:
-            self._parts.on_mode()
+        self._mode_has_changed |= self.modes.current is not before
         return entered
 
     def custom_mode(self) -> int:
@@ -201,7 +233,7 @@ class Copter:
         """Start a take-off to a height above home; say whether it was accepted (Mode::do_user_takeoff)."""
         if not self.is_armed() or altitude_cm <= self._height_above_home_cm():
             return False
-        if self._parts.stands_for_ever:
+        if self._parts.source.stands_for_ever:
             self._parts.texts.send_text(_MAV_SEVERITY_WARNING, STANDS_TEXT)
             return False
         return self.landing.take_off(must_navigate, 0.01 * (altitude_cm - self._height_above_home_cm()))
@@ -246,7 +278,7 @@ class Copter:
         self._motors.arm()
         self.landing.note_armed()
         self.modes.log_mode()
-        parts.on_armed()
+        parts.log_transfer.pause()
 
     def disarm(self, force: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
         """Disarm, in flight only when forced; say whether that changed anything (AP_Arming_Copter::disarm)."""

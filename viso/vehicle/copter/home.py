@@ -55,7 +55,7 @@ class Home:
         if not self._has_field_elevation and not self._is_armed():
             self._update_field_elevation(origin)
 
-    def quiet_until_us(self) -> int:
+    def idle_until_us(self) -> int:
         """Return before when ``update`` has nothing to do as things are, and nobody is to be told of home; 0 if not."""
         if self._changed:
             return 0

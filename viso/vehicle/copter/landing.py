@@ -7,11 +7,10 @@ ArduCopter/baro_ground_effect.cpp.
 """
 
 import math
-from collections.abc import Callable
 from typing import Final
 
 from ap_core.clock import NEVER
-from viso.vehicle.copter.modes import Mode, ModeNumber, UserTakeoff
+from viso.vehicle.copter.modes import FlightModes, Mode, ModeNumber, UserTakeoff
 from viso.vehicle.copter.motors import Motors
 from viso.vehicle.copter.parts import CopterParts
 
@@ -47,15 +46,16 @@ class Landing:
         landed: whether it stands on the ground.
         expected: whether a take-off is expected, and whether a touchdown is: air under rotors misleads barometers.
         is_told: somebody else tells when it lifts off, lands and is disarmed.
-        grounded_us: tells since when it has stood on the ground in a descent; None if nobody flies it.
+        is_flown: somebody flies it.
+        grounded_since_us: since when it has stood on the ground in a descent, of one that is flown; else None.
     """
 
-    def __init__(self, parts: CopterParts, mode: Callable[[], Mode], motors: Motors) -> None:
+    def __init__(self, parts: CopterParts, modes: FlightModes, motors: Motors) -> None:
         self._ahrs = parts.ahrs
         self._log = parts.log
         self._params = parts.params
         self._clock = parts.clock
-        self._mode = mode
+        self._modes = modes
         self._motors = motors
         self._armed_down_m = 0.0
         self._idle_since_us = 0
@@ -67,8 +67,9 @@ class Landing:
         self._grounded_us = 0
         self.landed = True
         self.expected = False, False
-        self.is_told = False
-        self.grounded_us: Callable[[], int | None] | None = None
+        self.is_told = parts.source.flight is not None and parts.source.flight.tells_flying
+        self.is_flown = parts.source.airframe is not None
+        self.grounded_since_us: int | None = None
 
     def flying_since_us(self) -> int | None:
         """Return since when the vehicle has been flying, None on the ground (AP_Vehicle::get_time_flying_ms)."""
@@ -90,11 +91,11 @@ class Landing:
 
     def is_taking_off(self) -> bool:
         """Return whether the vehicle climbs to where it was asked to take off to (Mode::is_taking_off)."""
-        return self._takeoff is not None and self._takeoff[0] is self._mode()
+        return self._takeoff is not None and self._takeoff[0] is self._modes.current
 
     def take_off(self, must_navigate: bool, climb_m: float) -> bool:
         """Start an armed vehicle's take-off by some metres; say whether the mode can (Mode::do_user_takeoff)."""
-        takeoff = self._mode().takeoff
+        takeoff = self._modes.current.takeoff
         able = takeoff is UserTakeoff.ALWAYS or (takeoff is UserTakeoff.BY_PILOT and not must_navigate)
         if not self.landed or not able:
             return False
@@ -103,7 +104,7 @@ class Landing:
         if not self._auto_armed:
             self._auto_armed = True
             self._log.event(EV_AUTO_ARMED)
-        self._takeoff = self._mode(), self._down_m() - climb_m
+        self._takeoff = self._modes.current, self._down_m() - climb_m
         return True
 
     def _spools_up(self) -> bool:
@@ -131,24 +132,24 @@ class Landing:
             self._see_ground()
 
     def _see_ground(self) -> None:
-        if self.grounded_us is None:
-            if self._mode().lands and self._down_m() >= self._armed_down_m - LANDED_BELOW_M:
+        if not self.is_flown:
+            if self._modes.current.lands and self._down_m() >= self._armed_down_m - LANDED_BELOW_M:
                 self._set_landed(True)
             return
-        since_us = self.grounded_us()
+        since_us = self.grounded_since_us
         grounded_us = 0 if since_us is None else self._clock.micros64() - since_us
         if grounded_us >= TOUCHDOWN_US:
             self._set_landed(True)
         else:
             self._set_perhaps_landed(grounded_us >= MAYBE_US)
 
-    def quiet_until_us(self) -> int:
-        """Return until when ``update`` has nothing to do for an armed vehicle as things are; 0 if it may."""
+    def idle_until_us(self) -> int:
+        """Return before when ``update`` has nothing to do for an armed vehicle as things are; 0 if it may."""
         if self.is_told:
             return NEVER
-        if self.grounded_us is None and (self._takeoff is not None or (self._mode().lands and not self.landed)):
+        if not self.is_flown and (self._takeoff is not None or (self._modes.current.lands and not self.landed)):
             return 0
-        if self.landed and self._mode().lands:
+        if self.landed and self._modes.current.lands:
             return self._motors.idle_us()
         return NEVER if self._lift_off_us is None else self._lift_off_us
 
@@ -160,7 +161,7 @@ class Landing:
         if not armed:
             self.expected = False, False
             return
-        takes_off, mode, now_us = self.expected[0], self._mode(), self._clock.micros64()
+        takes_off, mode, now_us = self.expected[0], self._modes.current, self._clock.micros64()
         if self.landed:
             takes_off, self._grounded_us = True, now_us
         climbed = now_us - self._grounded_us > TAKEOFF_US or self._armed_down_m - self._down_m() > TAKEOFF_CLIMB_M
@@ -174,7 +175,7 @@ class Landing:
 
     def may_expect(self, *, armed: bool) -> bool:
         """Return whether ``expect`` may change anything as things are."""
-        return any(self.expected) or (armed and (self.landed or self._mode().lands))
+        return any(self.expected) or (armed and (self.landed or self._modes.current.lands))
 
     def _set_landed(self, landed: bool) -> None:
         if landed != self.landed:
@@ -202,11 +203,11 @@ class Landing:
         now_us = self._clock.micros64()
         delay_us = self._params.get_int("DISARM_DELAY") * 1_000_000
         idles = armed and not self.is_told and delay_us > 0 and self.landed and not self._spools_up()
-        if not idles or self._mode().number == ModeNumber.THROW:
+        if not idles or self._modes.current.number == ModeNumber.THROW:
             self._idle_since_us = now_us
         return idles and now_us - self._idle_since_us >= delay_us
 
     def has_landed_by_itself(self) -> bool:
         """Return whether a mode that lands is done (ModeLand::run, ModeRTL::land_run)."""
         is_idle = self.landed and self._clock.micros64() >= self._motors.idle_us()
-        return is_idle and not self.is_told and self._mode().lands
+        return is_idle and not self.is_told and self._modes.current.lands

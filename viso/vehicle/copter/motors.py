@@ -50,8 +50,8 @@ class Motors:
             self._interlock = interlock
             self._log.event(EV_INTERLOCK_ENABLED if interlock else EV_INTERLOCK_DISABLED)
 
-    def quiet_until_us(self) -> int:
-        """Return until when ``update`` has nothing to do as things are; 0 if it may."""
+    def idle_until_us(self) -> int:
+        """Return before when ``update`` has nothing to do as things are; 0 if it may."""
         if not self._interlock:
             return self._turn_us
         return 0 if self._turn_us == NEVER else NEVER

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a copter is made of."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from ap_core.clock import Clock
@@ -12,11 +11,13 @@ from ap_core.sinks import TextSink
 from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.inputs.gps_sample import GpsSample
+from mav_handlers.transfers.log_transfer import LogTransfer
 from viso.logs.logger import Logger
 from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.releases import REFERENCE, ParameterRelease
-from viso.sensors.flying.source import FlyingSource
+from viso.sensors.source import VehicleSource
 from viso.vehicle.flow import MavlinkFlow
+from viso.vehicle.gps import MavlinkGps
 from viso.vehicle.ranges import MavlinkRanges
 
 
@@ -25,12 +26,7 @@ class CopterParts:
     """The vehicle around a copter.
 
     Attributes:
-        gps: returns the newest solution of the GPS; None without a GPS.
-        is_initialised: says whether booting is over.
-        is_downloading: says whether a client is downloading a log.
-        on_mode, on_armed: called when the mode has changed, and when the vehicle has been armed.
-        airframe: what flies; None of a vehicle that nobody flies.
-        stands_for_ever: nothing can move it.
+        source: where the sensors' data come from, and what flies.
         variance_texts: what is told as the EKF's variances are over thresholds, and as its position is lost.
     """
 
@@ -44,12 +40,12 @@ class CopterParts:
     internal_errors: InternalErrors
     flow: MavlinkFlow
     ranges: MavlinkRanges
-    gps: Callable[[], GpsSample | None]
-    is_initialised: Callable[[], bool]
-    is_downloading: Callable[[], bool]
-    on_mode: Callable[[], None]
-    on_armed: Callable[[], None]
-    airframe: FlyingSource | None = None
-    stands_for_ever: bool = False
+    gps: MavlinkGps
+    source: VehicleSource
+    log_transfer: LogTransfer
     release: ParameterRelease = REFERENCE
     variance_texts: tuple[str, str] = ("EKF variance", "EKF variance")
+
+    def newest_gps(self) -> GpsSample | None:
+        """Return the newest solution of the GPS; None without a GPS."""
+        return self.source.gps() or self.gps.sample()

@@ -109,7 +109,9 @@ def begin_frames(rig: Rig) -> None:
 
 @pytest.mark.parametrize(("time_ms", "logged"), [(1999, []), (2000, ["RVOH"])])
 def test_camera_is_logged_once_the_estimator_runs(rig: Rig, time_ms: int, logged: list[str]) -> None:
-    rig.at_ms(time_ms).update(VisualOdomFrame(Vector3f(), 10, True, True))
+    ahrs = rig.at_ms(time_ms)
+    ahrs.state.camera = VisualOdomFrame(Vector3f(), 10, True, True)
+    ahrs.update()
     assert [name for name, _ in rig.records] == logged
 
 
@@ -141,7 +143,8 @@ def test_estimator_that_does_not_run_vouches_for_nothing(rig: Rig) -> None:
 def test_plain_estimator_runs_well_but_knows_nothing(rig: Rig) -> None:
     ahrs = rig.at_ms(2000)
     ahrs.set_origin(ORIGIN)
-    ahrs.update(CAMERA)
+    ahrs.state.camera = CAMERA
+    ahrs.update()
     ahrs.log_estimates()
     assert ahrs.healthy()
     assert ahrs.pre_arm_failure(requires_position=True) is None

@@ -15,7 +15,6 @@ from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ports import Ahrs
-from ekf_stub.log.ext_nav_log import VisualOdomFrame
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig
@@ -124,7 +123,7 @@ def test_frame_without_sensor_data_is_skipped(make_bench: MakeBench) -> None:
     bench = make_bench(run_s=6)
     horizon_ms = bench.core.ext_nav.horizon_ms
     for _ in range(20):
-        bench.ahrs.update(VisualOdomFrame(Vector3f(), 10, True, True))
+        bench.ahrs.update()
     assert bench.core.ext_nav.horizon_ms == horizon_ms
     bench.run_for(0.02)
     assert bench.core.ext_nav.horizon_ms > horizon_ms
@@ -293,7 +292,7 @@ def test_compass_that_is_not_there_is_no_yaw_source(make_bench: MakeBench) -> No
 
 def test_armed_vehicle_without_a_yaw_source_goes_on(make_bench: MakeBench) -> None:
     bench = make_bench("66660")
-    bench.armed = True
+    bench.state.armed = True
     bench.run_to(6.1)
     bench.stream(7, bench.pose, period_s=0.2)
     assert "EKF3 IMU0 stopped aiding" not in bench.said()
@@ -405,11 +404,15 @@ def test_lever_arm_of_the_camera_is_taken_off(make_bench: MakeBench, yaw: float,
     assert numbers == pytest.approx([float(number) for number in told.split(",")], abs=0.051)
 
 
-def test_who_listens_to_poses_hears_where_the_imu_is_and_of_resets(make_bench: MakeBench) -> None:
+def test_source_that_follows_poses_hears_where_the_imu_is_and_of_resets(make_bench: MakeBench) -> None:
     bench = make_bench(INS_POS1_X=0.25)
     bench.camera_pos = Vector3f(0.75, 0, 0)
     heard: list[tuple[float, int, bool]] = []
-    bench.ahrs.on_pose = lambda pos, _quat, observed_ms, is_reset: heard.append((float(pos.x), observed_ms, is_reset))
+
+    def take_pose(pos_ned: Vector3f, quat: Quaternion, observed_ms: int, is_reset: bool) -> None:
+        heard.append((float(pos_ned.x), observed_ms, is_reset))
+
+    bench.ahrs.source.follows_poses, bench.ahrs.source.take_pose = True, take_pose  # type: ignore[method-assign]
     bench.run_to(6)
     bench.pose(1, 0, 0)
     bench.pose(1, 0, 0, reset_ms=5990)

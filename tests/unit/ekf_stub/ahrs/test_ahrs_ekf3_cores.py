@@ -36,6 +36,7 @@ def let_first_be_bad(bench: BenchRig) -> None:
     for core in (first, second):
         core.yaw.aligned = core.tilt_aligned = True
     bench.ahrs.check_lane_switch()
+    bench.hear_of_changes()
 
 
 def test_cores_that_are_given_the_same_share_a_filter(make_bench: MakeBench) -> None:
@@ -146,7 +147,7 @@ def test_camera_at_the_first_imu_has_a_lever_arm_from_the_second(apart: BenchRig
 
 
 def test_range_finders_stand_where_each_core_sees_them(apart: BenchRig) -> None:
-    apart.ranges = RangeState((FinderState((0.5, 0.0, 0.25), 2.0, DOWNWARD, RangeStatus.GOOD),), 0.125, 30.0)
+    apart.state.ranges = RangeState((FinderState((0.5, 0.0, 0.25), 2.0, DOWNWARD, RangeStatus.GOOD),), 0.125, 30.0)
     apart.run_for(0.01)
     ranges = [core.inputs.ranges for core in cores_of(apart).lanes.cores]
     assert [said and said.finders[0].place_frd for said in ranges] == [(0.5, 0.0, 0.25), (-0.5, 0.0, 0.25)]

@@ -29,7 +29,7 @@ def bench(make_bench: MakeBench) -> "BenchRig":
 
 def test_range_finders_stand_where_they_are_seen_from_the_imu(bench: "BenchRig") -> None:
     bench.run_to(SET_UP_S)
-    bench.ranges = RANGES
+    bench.state.ranges = RANGES
     bench.run_for(0.01)
     ranges = bench.core.inputs.ranges
     assert ranges is not None
@@ -62,7 +62,7 @@ def test_flow_is_handed_on_with_its_place_from_the_imu(bench: "BenchRig") -> Non
 def test_flow_and_ranges_are_logged_with_their_places_on_the_vehicle(bench: "BenchRig") -> None:
     bench.run_to(SET_UP_S)
     bench.is_logged = True
-    bench.ranges = RANGES
+    bench.state.ranges = RANGES
     bench.run_for(0.01)
     bench.ahrs.write_flow(FLOW, 3510)
     records = dict(bench.records)
@@ -94,7 +94,7 @@ def test_sources_require_their_sensors(
     bench.run_to(4.6)
     assert bench.ahrs.pre_arm_failure(requires_position=True) == failure
     bench.params.set("FLOW_TYPE", 5)
-    bench.ranges = RANGES
+    bench.state.ranges = RANGES
     assert bench.ahrs.pre_arm_failure(requires_position=True) != failure
 
 
@@ -106,7 +106,7 @@ def test_only_a_range_finder_that_looks_down_is_one_for_the_filter(
 ) -> None:
     bench = make_bench("00200", has_compass=True)
     bench.run_to(4.6)
-    bench.ranges = ranges
+    bench.state.ranges = ranges
     said = bench.ahrs.pre_arm_failure(requires_position=True)
     assert (said != "EK3 sources require RangeFinder") is fits
 

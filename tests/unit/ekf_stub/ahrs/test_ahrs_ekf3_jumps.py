@@ -248,7 +248,7 @@ def test_yaw_that_jumps_on_the_ground_is_followed_slowly(make_bench: MakeBench) 
 @pytest.mark.slow
 def test_yaw_that_jumps_in_flight_is_rejected_for_good(make_bench: MakeBench) -> None:
     bench = aided(make_bench, with_velocity=False)
-    bench.armed, bench.flying_since_us = True, bench.clock.micros64() - 6_000_000
+    bench.state.armed, bench.state.flying_since_us = True, bench.clock.micros64() - 6_000_000
     bench.stream(15, lambda: bench.pose(yaw=1.57))
     assert bench.report.rpy_rad[2] == pytest.approx(0, abs=0.05)
     assert bench.report.yaw_ratio > 1

@@ -255,6 +255,6 @@ def test_height_is_not_begun_anew_while_armed_or_before_the_filter(make_bench: M
     bench.run_to(3)
     assert not bench.ahrs.reset_height_datum()
     bench.run_to(6)
-    bench.armed = True
+    bench.state.armed = True
     bench.run_for(0.01)
     assert not bench.ahrs.reset_height_datum()

@@ -7,39 +7,22 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ekf_stub.inputs.inertial import Array, InertialDelta
+from ekf_stub.inputs.inertial import InertialDelta
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 
 REST = InertialDelta(np.array([0.0, 0.0, -0.0245]), np.zeros(3), 0.0025, 0.0025)
 
 
-class Rest:
-    """The least that a source of sensors' data is."""
-
-    has_recorded_heights = False
-
-    def sense(self, now_us: int) -> Sensors | None:
-        return Sensors(REST) if now_us else None
-
-    def ahead(self, times_us: range) -> Array:
-        return np.zeros((0, 8))
-
-    def pass_over(self, times_us: range) -> None: ...
-
-    def set_armed(self, armed: bool) -> None: ...
-
-    def is_at_rest(self, until_us: int) -> bool:
-        return until_us > 0
-
-    def yaw_rad(self) -> float:
-        return 0.5
+def test_source_without_sensors_says_nothing_and_rests() -> None:
+    source = SensorSource()
+    assert source.sense(2500) is None
+    assert source.ahead(range(0, 5000, 2500)).shape == (0, 8)
+    assert source.is_at_rest(10**9)
+    assert (source.gps(), source.expected(), source.yaw_rad()) == (None, None, 0.0)
 
 
-def test_source_may_have_inertial_data_alone_or_nothing() -> None:
-    source: SensorSource = Rest()
-    assert source.sense(0) is None
-    sensors = source.sense(2500)
-    assert sensors is not None
+def test_sensors_may_have_inertial_data_alone() -> None:
+    sensors = Sensors(REST)
     assert (sensors.baro, sensors.mag, sensors.declination) == (None, None, 0)
 
 

@@ -22,7 +22,7 @@ from tests.places import ROOT
 from tests.unit.viso.command_line import Viso, failed_with
 from viso.commands import sweep as sweep_command
 from viso.replay.figures import OBJECTIVES
-from viso.sensors.flown.flight import Basis
+from viso.sensors.flight import Basis
 from viso.sweep import job, planning
 from viso.sweep.job import Result
 from viso.sweep.plan import Point, SweepPlan

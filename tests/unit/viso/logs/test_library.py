@@ -6,7 +6,7 @@ import errno
 import fcntl
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -17,6 +17,7 @@ from mav_handlers.transfers.log_transfer import LogLibrary, LogTransfer
 from mav_handlers.wire.messages import LOG_DATA
 from viso.logs.files import LogFile, LogStore
 from viso.logs.library import REOPEN_US, FileReader, NoLogs, StoredLogs
+from viso.logs.logger import Logger
 
 UTC_US = 1_760_000_000_999_999
 
@@ -30,15 +31,15 @@ class Rig:
         self.clock = VirtualClock(5_000_000)
         self.utc_us = UTC_US
         self.open_log: LogFile | None = None
-        self.logs = StoredLogs(
-            self.store,
-            clock=self.clock,
-            open_number=lambda: None if self.open_log is None else self.open_log.number,
-            close_log=self.close_log,
-            utc_us=lambda: self.utc_us,
-        )
+        self.logs = StoredLogs(self.store, self.clock, cast(Logger, self), lambda: self.utc_us)
 
-    def close_log(self) -> None:
+    @property
+    def open_number(self) -> int | None:
+        """The number of the log that takes records now (Logger)."""
+        return None if self.open_log is None else self.open_log.number
+
+    def close(self) -> None:
+        """Close the log (Logger)."""
         if self.open_log is not None:
             self.open_log.close()
             self.open_log = None

@@ -28,8 +28,7 @@ def test_vehicle_says_so_as_it_boots() -> None:
     vehicle = Vehicle(VehicleConfig(defaults={"EK3_SRC2_POSZ": 4, "ARSPD_TYPE": 1}))
     said: list[tuple[int, str]] = []
     vehicle.texts.on_text.append(lambda severity, text: said.append((severity, text)))
-    vehicle.clock.set_us(2_455_000)
-    vehicle.loop()
+    vehicle.advance(range(2_455_000, 2_455_001))
     assert [text for severity, text in said if severity == 4] == [
         "EK3_SRC2_POSZ is 4: range beacons are not fused here",
         "ARSPD_TYPE is 1: airspeed is not fused here",

@@ -335,13 +335,14 @@ def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def counted_loops(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     times: list[int] = []
-    loop = vehicle.loop
+    advance = vehicle.advance
 
-    def counted() -> None:
-        times.append(vehicle.clock.micros64())
-        loop()
+    def counted(times_us: range) -> int:
+        count = advance(times_us)
+        times.extend(times_us[:count])
+        return count
 
-    monkeypatch.setattr(vehicle, "loop", counted)
+    monkeypatch.setattr(vehicle, "advance", counted)
     return times
 
 
@@ -366,14 +367,15 @@ def test_health_runs_out_in_a_silence_that_is_passed_over(short_waits: None, mon
     recorded = stream(*WITH_A_HOLE, shared=False)
     vehicle = Vehicle(VehicleConfig(defaults=recorded.params))
     healthy: list[tuple[int, bool]] = []
-    loop = vehicle.loop
+    advance = vehicle.advance
 
-    def watched() -> None:
-        loop()
+    def watched(times_us: range) -> int:
+        count = advance(times_us[:1])
         if not healthy or healthy[-1][1] != vehicle.visual_odom.healthy():
             healthy.append((vehicle.clock.micros64(), vehicle.visual_odom.healthy()))
+        return count
 
-    monkeypatch.setattr(vehicle, "loop", watched)
+    monkeypatch.setattr(vehicle, "advance", watched)
     list(Replay(vehicle, recorded, None).run())
     assert healthy == [(0, True), (400_000, False), (102_500 + HOUR_US, True)]
 
@@ -389,8 +391,7 @@ def test_several_silences_are_one_line(short_waits: None) -> None:
 def test_silence_is_run_while_the_vehicle_moves(short_waits: None, monkeypatch: pytest.MonkeyPatch) -> None:
     recorded = stream((2_000_000, SAMPLE), shared=False)
     vehicle = Vehicle(VehicleConfig())
-    assert vehicle.ahrs.source is not None
-    monkeypatch.setattr(vehicle.ahrs.source, "is_at_rest", lambda _until_us: False)
+    monkeypatch.setattr(vehicle.source, "is_at_rest", lambda _until_us: False)
     loops = counted_loops(vehicle, monkeypatch)
     replay = Replay(vehicle, recorded, None)
     list(replay.run())

@@ -5,7 +5,7 @@
 import pytest
 
 from viso.replay.observability import OF_THE_STREAM, caution, doubts, unobservable
-from viso.sensors.flown.flight import Basis
+from viso.sensors.flight import Basis
 
 
 @pytest.mark.parametrize("name", OF_THE_STREAM)

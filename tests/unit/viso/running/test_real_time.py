@@ -45,13 +45,14 @@ class Rig:
     def __init__(self, clock: WallClock, monkeypatch: pytest.MonkeyPatch, speedup: float, **config: Any) -> None:
         self.clock = clock
         self.loops: list[int] = []
-        loop = Vehicle.loop
+        advance = Vehicle.advance
 
-        def noted(vehicle: Vehicle) -> None:
-            self.loops.append(vehicle.clock.micros64())
-            loop(vehicle)
+        def noted(vehicle: Vehicle, times_us: range) -> int:
+            count = advance(vehicle, times_us)
+            self.loops += times_us[:count]
+            return count
 
-        monkeypatch.setattr(Vehicle, "loop", noted)
+        monkeypatch.setattr(Vehicle, "advance", noted)
         ends = [make_pair((f"vehicle{number}", f"client{number}")) for number in (1, 2)]
         self.clients = [client for _, client in ends]
         links = [end for end, _ in ends]

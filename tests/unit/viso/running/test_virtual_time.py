@@ -20,13 +20,14 @@ def vehicle() -> Vehicle:
 def loops_of(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list to which the time of every pass of the main loop is appended."""
     times: list[int] = []
-    loop: Callable[[], None] = vehicle.loop
+    advance = vehicle.advance
 
-    def noted() -> None:
-        times.append(vehicle.clock.micros64())
-        loop()
+    def noted(times_us: range) -> int:
+        count = advance(times_us)
+        times.extend(times_us[:count])
+        return count
 
-    monkeypatch.setattr(vehicle, "loop", noted)
+    monkeypatch.setattr(vehicle, "advance", noted)
     return times
 
 
@@ -83,15 +84,23 @@ def test_bytes_come_at_the_present_time(vehicle: Vehicle, monkeypatch: pytest.Mo
     assert vehicle.clock.micros64() == 4321
 
 
-def test_passes_of_which_nothing_comes_are_made_many_at_once(
+def test_passes_at_which_the_filter_alone_runs_are_made_many_at_once(
     make_bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # tests/property/test_quiet_passes.py has all sensors, and much that happens.
+    # tests/property/test_blocks_of_passes.py has all sensors, and much that happens.
     one, other = (make_bench(LOG_DISARMED=1) for _ in range(2))
-    monkeypatch.setattr(other.vehicle, "loop_quietly", lambda _times_us: 0)
-    times = loops_of(one.vehicle, monkeypatch)
+    advance, counts = one.vehicle.advance, []
+
+    def counted(times_us: range) -> int:
+        counts.append(advance(times_us))
+        return counts[-1]
+
+    monkeypatch.setattr(one.vehicle, "advance", counted)
+    single = other.vehicle.advance
+    monkeypatch.setattr(other.vehicle, "advance", lambda times_us: single(times_us[:1]))
     for bench in (one, other):
         bench.scheduler.run_until(bench.scheduler.now_us + 500_000)
-    assert len(times) < 30
+    assert sum(counts) > 190
+    assert len(counts) < 30
     assert one.records == other.records
     assert one.vehicle.endpoint.bytes_to_send(one.channel) == other.vehicle.endpoint.bytes_to_send(other.channel)

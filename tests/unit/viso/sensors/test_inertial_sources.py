@@ -11,7 +11,7 @@ from ekf_stub.inputs.sensors import SensorSource
 from tests.places import DATA
 from viso.errors import InputError
 from viso.sensors.flown.source import RecordedSource
-from viso.sensors.flying.source import FlyingSource
+from viso.sensors.flying import FlyingSource
 from viso.sensors.hil.source import HilSource
 from viso.sensors.inertial_sources import IMU_HELP, IMU_SOURCES, read_source
 from viso.sensors.options import ImuOptions

@@ -13,7 +13,7 @@ import pytest
 
 from tests.places import DATA
 from viso.logs.recorded import read_columns
-from viso.sensors.flown.flight import Basis
+from viso.sensors.flight import Basis
 from viso.sweep.best import Best
 from viso.sweep.job import run_point
 from viso.sweep.planning import make_plan

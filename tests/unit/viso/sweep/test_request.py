@@ -11,7 +11,7 @@ import pytest
 from tests.places import DATA
 from tests.unit.viso.sweep.conftest import CAPTURE
 from viso.errors import InputError
-from viso.sensors.flown.flight import Basis
+from viso.sensors.flight import Basis
 from viso.sweep import planning
 from viso.sweep.planning import make_plan
 from viso.sweep.request import Wishes, read_wishes

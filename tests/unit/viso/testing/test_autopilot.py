@@ -313,9 +313,9 @@ def test_stream_of_a_vehicle_that_flies_is_held_against_its_path(name: str, code
     autopilot = Autopilot(AutopilotOptions(imu="fly", params=params))
 
     def look() -> None:
-        assert autopilot.vehicle.airframe is not None
+        assert autopilot.vehicle.source.airframe is not None
         north, east, down = autopilot.truth.pos_ned
-        roll, pitch, yaw = autopilot.vehicle.airframe.state.rpy
+        roll, pitch, yaw = autopilot.vehicle.source.airframe.state.rpy
         seen = {
             "NED": (north, east, down, roll, pitch, yaw),
             "ENU": (east, north, -down, roll, -pitch, math.pi / 2 - yaw),

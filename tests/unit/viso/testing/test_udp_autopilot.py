@@ -162,8 +162,7 @@ def test_failure_of_the_vehicle_reaches_the_test(autopilot: UdpAutopilot, monkey
     def fail(*_times_us: range) -> int:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(autopilot.vehicle, "loop", fail)
-    monkeypatch.setattr(autopilot.vehicle, "loop_quietly", fail)
+    monkeypatch.setattr(autopilot.vehicle, "advance", fail)
     with pytest.raises(ZeroDivisionError), autopilot.running(speedup=100):
         _join()
 

@@ -13,7 +13,7 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.gps_sample import GpsSample
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
-from viso.sensors.flown.flight import PASS_US, Basis, Event, Flight, Happening, Readings, readings
+from viso.sensors.flight import PASS_US, Basis, Event, Flight, Happening, Readings, readings
 from viso.sensors.flown.source import RecordedSource
 from viso.sensors.options import ImuOptions
 from viso.vehicle.config import by_ekf3
@@ -99,5 +99,4 @@ def test_source_set_and_origin_are_those_of_the_log() -> None:
 
 def test_gps_is_that_of_the_log() -> None:
     vehicle = flown()
-    assert vehicle.flown is not None
-    assert vehicle.flown.gps() is FIX
+    assert vehicle.source.gps() is FIX

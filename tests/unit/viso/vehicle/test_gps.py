@@ -17,13 +17,10 @@ from ap_core.log_structure import LogStructure
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub.ahrs.ahrs_base import AhrsBase
-from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.wire.messages import GPS_INPUT
 from viso.firmware.log_releases import GPA, GPS, OF
 from viso.parameters.table import make_groups
 from viso.vehicle.gps import MavlinkGps
-from viso.vehicle.vehicle import bench as bench_ahrs
 
 if TYPE_CHECKING:
     from tests.unit.viso.conftest import Bench
@@ -344,16 +341,10 @@ def test_lag_is_the_drivers_or_what_the_firmware_takes_without_one(gps_type: int
 
 
 def test_estimator_and_endpoint_are_given_the_same(make_bench: "MakeBench") -> None:
-    seen: list[AhrsParts] = []
-
-    def make(parts: AhrsParts) -> AhrsBase:
-        seen.append(parts)
-        return bench_ahrs()(parts)
-
-    bench = make_bench(make_ahrs=make, GPS1_TYPE=14)
+    bench = make_bench(GPS1_TYPE=14)
     bench.send(PACKET)
-    bench.run_for(0.02)
-    sample = seen[0].gps()
+    bench.run_for(0.025)
+    sample = bench.vehicle.ahrs.state.gps
     assert sample is not None
     assert sample.num_sats == 11
     assert bench.vehicle.gps.sample() == sample

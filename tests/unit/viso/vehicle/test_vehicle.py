@@ -4,7 +4,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,11 +36,11 @@ def texts(bench: "Bench") -> list[str]:
 
 def gps_bench(parts: AhrsParts) -> AhrsBase:
     """Make an AHRS whose GPS says all the time that it stands at a place."""
-
-    def fix() -> GpsSample:
-        return GpsSample(parts.clock.millis(), 3, PLACE, Vector3f(), num_sats=10, hdop=100)
-
-    return bench_ahrs()(replace(parts, gps=fix))
+    ahrs = bench_ahrs()(parts)
+    ahrs.source.gps = lambda: GpsSample(  # type: ignore[method-assign]
+        parts.clock.millis(), 3, PLACE, Vector3f(), num_sats=10, hdop=100
+    )
+    return ahrs
 
 
 def navigating(make_bench: MakeBench, **params: float) -> "Bench":
@@ -100,8 +99,7 @@ def test_checks_fail_while_booting(make_bench: MakeBench, time_s: float, said: l
 def test_boot_does_not_wait_for_a_client() -> None:
     vehicle = Vehicle(VehicleConfig(links=0))
     for time_us in range(0, 3_000_000, 2500):
-        vehicle.clock.set_us(time_us)
-        vehicle.loop()
+        vehicle.advance(range(time_us, time_us + 1))
     assert vehicle.is_initialised()
 
 

@@ -15,8 +15,7 @@ from ap_core.param_cache import FromParams
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.inertial import GRAVITY_MSS
 from mav_handlers.ports import FlightTruth, GuidedTarget
-from viso.sensors.flying.airframe import MOTORS_OFF, Demand
-from viso.sensors.flying.source import FlyingSource
+from viso.sensors.airframe import MOTORS_OFF, Airframe, Demand
 from viso.sensors.vectors import Three, turned
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.flying.descents import Land, ReturnHome
@@ -46,15 +45,11 @@ class _Mode(Protocol):
 
 
 class FlightControl:
-    """Flies the airframe.
-
-    Attributes:
-        grounded_us: since when it has stood on the ground and still descends; None if it does not.
-    """
+    """Flies the airframe."""
 
     def __init__(
         self,
-        airframe: FlyingSource,
+        airframe: Airframe,
         parts: CopterParts,
         modes: FlightModes,
         landing: Landing,
@@ -88,11 +83,10 @@ class FlightControl:
         self._next_us = 0
         self._is_flying = self._was_idle = False
         self._takeoff_down_m: float | None = None
-        self.grounded_us: int | None = None
 
     # What others ask
 
-    def quiet_until_us(self, *, armed: bool) -> int:
+    def idle_until_us(self, *, armed: bool) -> int:
         """Return when it decides next; never while the motors are off."""
         return self._next_us if armed or self._is_flying else NEVER
 
@@ -186,7 +180,7 @@ class FlightControl:
         self._was_idle = True
         self._airframe.demand(MOTORS_OFF)
         self._is_flying = not self._airframe.state.is_at_rest()
-        self.grounded_us = self._mode = None
+        self._landing.grounded_since_us = self._mode = None
         self._takeoff_down_m = None
 
     def _fly(self) -> None:
@@ -246,6 +240,6 @@ class FlightControl:
         steering = self._steering
         descends = steering.way.vel[2] > 0.0 and abs(steering.estimate.vel[2]) < SLOW_M_S
         if not (descends and self._airframe.state.is_on_ground()):
-            self.grounded_us = None
-        elif self.grounded_us is None:
-            self.grounded_us = steering.now_us
+            self._landing.grounded_since_us = None
+        elif self._landing.grounded_since_us is None:
+            self._landing.grounded_since_us = steering.now_us

@@ -12,8 +12,8 @@ import pytest
 from tests.unit.viso.sensors.flown.made import Array, log_of
 from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.turning import quats_of_euler
+from viso.sensors.flight import PASS_US, Basis, Flight
 from viso.sensors.flown.estimates import VELOCITY_SIGMA, estimates, smoothed
-from viso.sensors.flown.flight import PASS_US, Basis, Flight
 
 GRAVITY = 9.80665
 RADIUS_M, TURN = 2.0, 0.8  # rad/s

@@ -10,8 +10,8 @@ import pytest
 
 from ap_core.location import Location
 from tests.unit.viso.sensors.flown.made import log_of
+from viso.sensors.flight import Event, Happening
 from viso.sensors.flown.events import ahrs_start_us, events_of, gps_of
-from viso.sensors.flown.flight import Event, Happening
 
 BEGUN = {"ATT": [[7_000_000, 0, 0, 0]]}
 PLACE = Location(-353632610, 1491652300, 58400)

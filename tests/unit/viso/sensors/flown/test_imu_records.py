@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from tests.unit.viso.sensors.flown.made import log_of
-from viso.sensors.flown.flight import PASS_US, Basis, Flight, imu_of
+from viso.sensors.flight import PASS_US, Basis, Flight, imu_of
 from viso.sensors.flown.imu_records import Rates, imu_records, integral_at, lag_s
 
 GRAVITY = 9.80665

@@ -17,8 +17,9 @@ from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.sensors.attitude import halfway, rotation_between
 from viso.sensors.errors import SensorErrors
+from viso.sensors.motion import Truth
 from viso.sensors.options import ImuOptions
-from viso.sensors.script.script import ScriptSource, Truth, read_script_source
+from viso.sensors.script.script import ScriptSource, read_script_source
 from viso.sensors.script.script_file import parse_script
 
 G = 9.80665

@@ -54,7 +54,7 @@ def test_vehicle_with_nothing_wrong_arms(rig: "CopterRig") -> None:
 
 
 def test_booting_vehicle_is_asked_for_nothing_else(rig: "CopterRig") -> None:
-    rig.initialised = False
+    rig.copter.has_booted = False
     rig.ahrs.failure = "EKF3 not started"
     assert failures(rig) == ["System not initialised"]
 
@@ -64,7 +64,7 @@ def everything_wrong(rig: "CopterRig") -> None:
     rig.ahrs.status = FilterStatus(FilterFlag.UNINITIALISED)
     rig.ahrs.failure = "EKF3 still initialising"
     rig.copter.safety_on = True
-    rig.downloading = True
+    rig.is_active = True
     rig.errors(InternalError.CONSTRAINING_NAN, 17)
     rig.visual_odom.failure = "not healthy"
 
@@ -220,7 +220,7 @@ def test_range_finder_that_says_nothing_fails(rig: "CopterRig") -> None:
 
 def test_log_that_cannot_be_written_fails(rig: "CopterRig") -> None:
     rig.logger.failure = "disk full"
-    rig.downloading = True
+    rig.is_active = True
     assert failures(rig) == ["Logging failed"]
 
 
@@ -307,7 +307,7 @@ def test_force_leaves_height_and_position(rig: "CopterRig") -> None:
 
 def test_force_overrides_the_rest(rig: "CopterRig") -> None:
     rig.copter.safety_on = True
-    rig.downloading = True
+    rig.is_active = True
     rig.visual_odom.failure = "not healthy"
     assert attempt(rig, forced=True) == []
     assert rig.copter.is_armed()

@@ -129,14 +129,14 @@ def test_way_back_begins_where_home_was_set_by_the_vehicle_being_there(rig: "Cop
 def test_change_is_logged_and_told(rig: "CopterRig") -> None:
     assert rig.copter.set_mode(ModeNumber.GUIDED)
     assert rig.written("MODE") == [("MODE", (4, 4, 2))]
-    assert rig.mode_changes == 1
+    assert rig.copter.take_changed() == ["HEARTBEAT"]
     assert rig.copter.is_holding_position()
 
 
 def test_mode_that_the_vehicle_is_in_is_entered_without_a_trace_but_the_reason(rig: "CopterRig") -> None:
     assert rig.copter.modes.reason == 26
     assert rig.copter.set_mode(ModeNumber.STABILIZE)
-    assert (rig.written("MODE"), rig.mode_changes, rig.copter.modes.reason) == ([], 0, 2)
+    assert (rig.written("MODE"), rig.copter.take_changed(), rig.copter.modes.reason) == ([], [], 2)
 
 
 @pytest.mark.parametrize("number", [ModeNumber.STABILIZE, ModeNumber.ACRO, ModeNumber.ALT_HOLD, ModeNumber.THROW])

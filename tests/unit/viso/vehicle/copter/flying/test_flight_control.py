@@ -16,7 +16,7 @@ from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.ports import GuidedTarget
 from tests.copies import Copies
 from tests.unit.viso.conftest import CopterRig
-from viso.sensors.flying.source import FlyingSource
+from viso.sensors.flying import FlyingSource
 from viso.sensors.options import ImuOptions
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.modes import ModeNumber, ModeReason
@@ -43,9 +43,10 @@ class Flyer:
     """
 
     def __init__(self, rig: CopterRig) -> None:
-        self.airframe = FlyingSource(ImuOptions())
+        source = FlyingSource(ImuOptions())
+        self.airframe = source.airframe
         self.rig = rig
-        rig.copter = Copter(replace(rig.copter._parts, airframe=self.airframe))
+        rig.copter = Copter(replace(rig.copter._parts, source=source))
         self.copter = rig.copter
         self.off_ned = (0.0, 0.0, 0.0)
         self.off_yaw_rad = 0.0
@@ -65,7 +66,7 @@ class Flyer:
     def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
         for _ in range(round(seconds * 1e6 / PERIOD_US)):
             self.rig.clock.set_us(self.rig.clock.micros64() + PERIOD_US)
-            self.airframe.sense(self.rig.clock.micros64())
+            self.airframe.go_to(self.rig.clock.micros64())
             self._estimate()
             self.copter.update()
             if until():

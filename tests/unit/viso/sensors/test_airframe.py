@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from ekf_stub.core.inertial import GRAVITY_MSS
 from viso.geometry import quaternions as quaternion
-from viso.sensors.flying.airframe import MOTORS_OFF, AirframeState, Demand, moved
-from viso.sensors.flying.source import FlyingSource
+from viso.sensors.airframe import MOTORS_OFF, AirframeState, Demand, moved
+from viso.sensors.flying import FlyingSource
 from viso.sensors.options import ImuOptions
 
 PASS_US = 2500
@@ -69,10 +69,10 @@ def test_it_turns_at_the_rate_that_is_demanded() -> None:
 @given(st.lists(st.tuples(*[st.floats(-0.4, 0.4)] * 2, st.floats(5.0, 15.0), st.floats(-1.0, 1.0)), max_size=4))
 def test_what_inertial_sensors_say_adds_up_to_its_motion(demands: list[tuple[float, float, float, float]]) -> None:
     source = FlyingSource(ImuOptions())
-    source.state = AirframeState(pos=(0.0, 0.0, -50.0), thrust_m_s2=GRAVITY_MSS)
+    source.airframe.state = AirframeState(pos=(0.0, 0.0, -50.0), thrust_m_s2=GRAVITY_MSS)
     vel, quat = np.zeros(3), quaternion.quaternion(1.0, 0.0, 0.0, 0.0)
     for number in range(40 * len(demands)):
-        source.demand(Demand(*demands[number // 40]))
+        source.airframe.demand(Demand(*demands[number // 40]))
         sensors = source.sense((number + 1) * PASS_US)
         assert sensors is not None
         turn = sensors.delta.del_ang
@@ -80,7 +80,7 @@ def test_what_inertial_sensors_say_adds_up_to_its_motion(demands: list[tuple[flo
         felt = (half * quaternion.quaternion(0.0, *sensors.delta.del_vel) * half.conj()).vec
         vel += felt + np.array([0.0, 0.0, GRAVITY_MSS * sensors.delta.del_vel_dt])
         quat = (quat * quaternion.quaternion(1.0, *(0.5 * turn))).normalized()
-    truth = source.truth()
+    truth = source.airframe.truth()
     assert vel == pytest.approx(np.array(truth.vel_ned), abs=1e-3)
     assert abs(np.dot([quat.w, quat.x, quat.y, quat.z], truth.quat_wxyz)) == pytest.approx(1.0, abs=1e-5)
 
@@ -88,8 +88,8 @@ def test_what_inertial_sensors_say_adds_up_to_its_motion(demands: list[tuple[flo
 def test_what_is_said_beforehand_is_what_comes() -> None:
     told, single = FlyingSource(ImuOptions()), FlyingSource(ImuOptions())
     for source in (told, single):
-        source.state = AirframeState(pos=(0.0, 0.0, -5.0), thrust_m_s2=GRAVITY_MSS)
-        source.demand(Demand(0.1, -0.1, 9.0, 0.3))
+        source.airframe.state = AirframeState(pos=(0.0, 0.0, -5.0), thrust_m_s2=GRAVITY_MSS)
+        source.airframe.demand(Demand(0.1, -0.1, 9.0, 0.3))
         source.sense(1_000_000)
     times_us = range(1_000_000 + PASS_US, 1_000_000 + 11 * PASS_US, PASS_US)
     rows = told.ahead(times_us)
@@ -102,4 +102,4 @@ def test_what_is_said_beforehand_is_what_comes() -> None:
         if number >= 4:
             assert rows_again[number - 4] == pytest.approx(rows[number], abs=0)
     told.pass_over(times_us[4:])
-    assert told.state == single.state
+    assert told.airframe.state == single.airframe.state

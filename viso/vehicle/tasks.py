@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the main loop does, as a table (AP_Scheduler/AP_Scheduler.cpp).
+
+A task has a turn in each pass of the loop, or in the first one after each of its periods. A turn in which it has
+nothing to do may be left out. So the loop runs many passes as one where there is nothing but the filter to run.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from ap_core.clock import NEVER
+
+EACH_PASS: Final = 0
+
+
+def never_idle() -> int:
+    """Return 0: each turn may have something to do."""
+    return 0
+
+
+def always_idle() -> int:
+    """Return that no turn ever has anything to do."""
+    return NEVER
+
+
+@dataclass(slots=True)
+class Task:
+    """Something that the main loop does.
+
+    Attributes:
+        name: what it is called.
+        run: does it, in the pass at which the clock stands.
+        period_us: from one turn to the next.
+        idle_until_us: returns before when a turn has nothing to do, as things are; 0 if the next one may.
+        next_us: when its next turn is.
+    """
+
+    name: str
+    run: Callable[[], object]
+    period_us: int = EACH_PASS
+    idle_until_us: Callable[[], int] = never_idle
+    next_us: int = 0
+
+    def due_us(self) -> int:
+        """Return when it has something to do next, as things are."""
+        return max(self.next_us, self.idle_until_us())
+
+    def run_if_due(self, now_us: int) -> None:
+        """Do it, if it has its turn in the pass at a time."""
+        if now_us >= self.next_us:
+            self.next_us = now_us + self.period_us
+            self.run()
+
+    def leave_out(self, times_us: range) -> None:
+        """Count the turns as had that it had in passes, at least one, in which it had nothing to do."""
+        last_us, step_us = times_us[-1], times_us.step
+        if self.period_us != EACH_PASS and self.next_us <= last_us:
+            first_us = times_us.start + max(0, -((times_us.start - self.next_us) // step_us)) * step_us
+            every_us = -(-self.period_us // step_us) * step_us
+            self.next_us = first_us + (last_us - first_us) // every_us * every_us + self.period_us
