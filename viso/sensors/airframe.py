@@ -7,13 +7,12 @@ The ground is level, at the height where it stood at first: springy legs, and fr
 """
 
 import math
-from collections import deque
 from typing import Final, NamedTuple
 
 from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.inputs.inertial import InertialDelta
 from viso.sensors.attitude import quat_of_rpy
-from viso.sensors.motion import State, Truth, delta_between
+from viso.sensors.motion import Moving, State, Truth, delta_between
 from viso.sensors.vectors import ZERO, Three, added, scaled
 
 LEAN_LAG_S: Final = 0.1
@@ -112,54 +111,32 @@ LONGEST_US: Final = 100_000
 """An interval between two passes counts as no longer: the vehicle stood still while its computer did."""
 
 
-class Airframe:
-    """A vehicle that moves as is demanded; it stands on the ground until somebody demands a thrust.
-
-    Attributes:
-        state: where it really is, as of the last pass.
-        last_us: when that was, since boot; None before the first one.
-    """
+class Airframe(Moving[AirframeState]):
+    """A vehicle that moves as is demanded; it stands on the ground until somebody demands a thrust."""
 
     def __init__(self, heading_rad: float) -> None:
-        self.state = AirframeState(rpy=(0.0, 0.0, heading_rad))
-        self.last_us: int | None = None
+        super().__init__(AirframeState(rpy=(0.0, 0.0, heading_rad)))
         self._demand = MOTORS_OFF
         self._delta = delta_between(self.state.seen(), self.state.seen(), 1e-6 * NOMINAL_US)
-        self._coming: deque[tuple[int, AirframeState, InertialDelta]] = deque()
 
     def demand(self, demand: Demand) -> None:
         """Hear what is demanded from now on."""
         if demand != self._demand:
             self._demand = demand
-            self._coming.clear()
+            self.think_again()
 
-    def go_to(self, now_us: int) -> InertialDelta:
-        """Move on to a time since boot; return what ideal inertial sensors feel of it."""
-        if self._coming and self._coming[0][0] == now_us:
-            _, self.state, self._delta = self._coming.popleft()
-        else:
-            self._coming.clear()
-            self.state, self._delta = self._after(self.state, self.last_us, now_us)
-        self.last_us = now_us
-        return self._delta
-
-    def ahead(self, times_us: range) -> list[InertialDelta]:
-        """Return what ``go_to`` will return at times, if nothing else is demanded."""
-        if self._coming and self._coming[0][0] != times_us[0]:
-            self._coming.clear()
-        last_us, state = self._coming[-1][:2] if self._coming else (self.last_us, self.state)
-        for time_us in times_us[len(self._coming) :]:
-            state, delta = self._after(state, last_us, time_us)
-            self._coming.append((time_us, state, delta))
-            last_us = time_us
-        return [delta for _, (_, _, delta) in zip(times_us, self._coming, strict=False)]
-
-    def _after(self, state: AirframeState, last_us: int | None, now_us: int) -> tuple[AirframeState, InertialDelta]:
+    def moved(self, state: AirframeState, last_us: int | None, now_us: int) -> tuple[AirframeState, InertialDelta]:
+        """Return the state at a time, from that of the pass before, and what ideal inertial sensors feel of it."""
         interval_us = NOMINAL_US if last_us is None else min(now_us - last_us, LONGEST_US)
         after, steps = state, -(-interval_us // LONGEST_STEP_US)
         for _ in range(steps):
             after = moved(after, self._demand, 1e-6 * interval_us / steps)
         return after, delta_between(state.seen(), after.seen(), 1e-6 * interval_us)
+
+    def go_to(self, now_us: int) -> InertialDelta:
+        """Move on to a time since boot, later than the last; return what ideal inertial sensors feel of it."""
+        self._delta = super().go_to(now_us)
+        return self._delta
 
     def is_at_rest(self) -> bool:
         """Return whether it stands still with its motors off."""

@@ -70,29 +70,31 @@ def exact_delta(del_vel: Iterable[float], del_ang: Iterable[float], dt: float) -
     return InertialDelta(six[:3], six[3:], dt_single, dt_single)
 
 
+_DT_OF_SIX: Final = (6, 6, 6, 7, 7, 7)
+"""Where the seconds are of each of the six changes of velocity and angle in a row."""
+
+
 class _ImuErrors:
     """What is wrong with one IMU."""
 
     def __init__(self, errors: SensorErrors, seed: int, imu: int) -> None:
-        self._errors = errors
         self._noise = np.random.default_rng([seed, _IMU, imu] if imu else [seed, _IMU])
-        self._gyro_noise = math.radians(errors.gyro_noise_deg_s_rthz)
         signs = self._noise.choice((-1.0, 1.0), (2, 3)) if imu else np.ones((2, 3))
-        self._gyro_bias = signs[0] * np.radians(errors.gyro_bias_deg_s)
-        self._accel_bias = signs[1] * np.array(errors.accel_bias_m_s2)
+        self._scale = 1.0 + 0.01 * np.repeat((errors.accel_scale_percent, errors.gyro_scale_percent), 3)
+        self._bias = np.hstack(
+            (signs[1] * np.array(errors.accel_bias_m_s2), signs[0] * np.radians(errors.gyro_bias_deg_s))
+        )
+        self._density = np.repeat((errors.accel_noise_m_s2_rthz, math.radians(errors.gyro_noise_deg_s_rthz)), 3)
         self._has_noise = bool(errors.accel_noise_m_s2_rthz or errors.gyro_noise_deg_s_rthz)
         self._coming = np.zeros((0, 6))
 
     def ahead(self, rows: Array) -> Array:
         """Return the inertial data of the next passes, shape (n, 8), with the errors; they stay the next ones."""
-        errors, vel_dt, ang_dt = self._errors, rows[:, 6:7], rows[:, 7:8]
-        del_vel = rows[:, :3] * (1.0 + 0.01 * errors.accel_scale_percent) + self._accel_bias * vel_dt
-        del_ang = rows[:, 3:6] * (1.0 + 0.01 * errors.gyro_scale_percent) + self._gyro_bias * ang_dt
+        dt = rows[:, _DT_OF_SIX]
+        six = rows[:, :6] * self._scale + self._bias * dt
         if self._has_noise:
-            noise = self._next_noise(len(rows))
-            del_vel += errors.accel_noise_m_s2_rthz * np.sqrt(np.maximum(vel_dt, 0.0)) * noise[:, :3]
-            del_ang += self._gyro_noise * np.sqrt(np.maximum(ang_dt, 0.0)) * noise[:, 3:]
-        return np.hstack((to_single(del_vel), to_single(del_ang), vel_dt, ang_dt))
+            six += self._density * np.sqrt(np.maximum(dt, 0.0)) * self._next_noise(len(rows))
+        return np.concatenate((to_single(six), rows[:, 6:8]), axis=1)
 
     def _next_noise(self, passes: int) -> Array:
         missing = passes - len(self._coming)
@@ -150,7 +152,7 @@ class ErrorModel:
 
     def ahead(self, rows: Array) -> Array:
         """Return what IMUs say in the next passes, shape (n, 8 times as many), given what ideal ones do, (n, 8)."""
-        return rows if self.is_ideal else np.hstack([imu.ahead(rows) for imu in self._spoiled])
+        return rows if self.is_ideal else np.concatenate([imu.ahead(rows) for imu in self._spoiled], axis=1)
 
     def pass_over(self, passes: int) -> None:
         """Leave passes behind that got what ``ahead`` had said."""

@@ -6,7 +6,7 @@ A task has a turn in each pass of the loop, or in the first one after each of it
 nothing to do may be left out. So the loop runs many passes as one where there is nothing but the filter to run.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -43,10 +43,6 @@ class Task:
     idle_until_us: Callable[[], int] = never_idle
     next_us: int = 0
 
-    def due_us(self) -> int:
-        """Return when it has something to do next, as things are."""
-        return max(self.next_us, self.idle_until_us())
-
     def run_if_due(self, now_us: int) -> None:
         """Do it, if it has its turn in the pass at a time."""
         if now_us >= self.next_us:
@@ -60,3 +56,12 @@ class Task:
             first_us = times_us.start + max(0, -((times_us.start - self.next_us) // step_us)) * step_us
             every_us = -(-self.period_us // step_us) * step_us
             self.next_us = first_us + (last_us - first_us) // every_us * every_us + self.period_us
+
+
+def next_due_us(tasks: Iterable[Task]) -> int:
+    """Return when the first of some tasks has something to do, as things are."""
+    due_us = NEVER
+    for task in tasks:
+        if task.next_us < due_us and (until_us := task.idle_until_us()) < due_us:
+            due_us = max(task.next_us, until_us)
+    return due_us

@@ -50,7 +50,7 @@ from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
 from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
 from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, MavlinkRanges
 from viso.vehicle.rtc import Rtc, RtcSource
-from viso.vehicle.tasks import Task, always_idle
+from viso.vehicle.tasks import Task, always_idle, next_due_us
 from viso.vehicle.vicon import Vicon
 
 __all__ = ["LOOP_PERIOD_US", "Vehicle", "VehicleConfig", "bench"]
@@ -229,8 +229,8 @@ class Vehicle:
         for task in self._before_filter:
             task.run_if_due(first_us)
         self._tell_ahrs()
-        next_us = min(task.due_us() for task in self._before_filter)
-        alike = times_us[: max(1, -((first_us - next_us) // times_us.step))]
+        before = -((first_us - next_due_us(self._before_filter)) // times_us.step)
+        alike = times_us[: max(1, before)]
         count = self.ahrs.advance(alike, self._next_after_filter_us)
         now_us = times_us[count - 1]
         if count > 1:
@@ -245,10 +245,10 @@ class Vehicle:
         """Return when the main loop has something to do but to run the filter, as things are; 0 if at once."""
         if not self.ahrs.runs_ahead:
             return 0
-        return min(self._next_after_filter_us(), *(task.due_us() for task in self._before_filter))
+        return min(self._next_after_filter_us(), next_due_us(self._before_filter))
 
     def _next_after_filter_us(self) -> int:
-        return min(task.due_us() for task in self._after_filter)
+        return next_due_us(self._after_filter)
 
     def _tell_ahrs(self) -> None:
         """Bring up to date what the AHRS knows of the vehicle."""

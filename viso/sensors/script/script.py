@@ -7,20 +7,47 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from ekf_stub.inputs.inertial import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.files.text_files import read_text
-from viso.sensors.motion import State, Truth, delta_between
+from viso.geometry import quaternions as quaternion
+from viso.sensors.motion import Moving, State, Truth, delta_between
+from viso.sensors.moving import MovingSource
 from viso.sensors.options import ImuOptions
 from viso.sensors.readings import last_reading_us
 from viso.sensors.script.legs import TURN
 from viso.sensors.script.script_file import EXAMPLES, Script, parse_script
-from viso.sensors.source import VehicleSource
 
 FIRST_INTERVAL_US: Final = 2500
 
 
-class ScriptSource(VehicleSource):
+class ScriptedMotion(Moving[State]):
+    """Moves as a script says, from its start on, and stands until then.
+
+    Attributes:
+        start_us: when the script starts, since boot; None as long as nobody knows.
+    """
+
+    def __init__(self, script: Script) -> None:
+        self._trajectory = script.trajectory
+        self.start_us = None if script.start_s is None else round(1e6 * script.start_s)
+        super().__init__(self._trajectory.at(0.0))
+
+    def at(self, time_us: int) -> State:
+        """Return the state at a time since boot."""
+        return self._trajectory.at(0.0 if self.start_us is None else 1e-6 * (time_us - self.start_us))
+
+    def moved(self, state: State, last_us: int | None, now_us: int) -> tuple[State, InertialDelta]:
+        """Return the state at a time, from that of the pass before, and what ideal inertial sensors feel of it."""
+        if last_us is None:
+            last_us = now_us - FIRST_INTERVAL_US
+            state = self.at(last_us)
+        now = self.at(now_us)
+        return now, delta_between(state, now, 1e-6 * (now_us - last_us))
+
+
+class ScriptSource(MovingSource):
     """The sensors of a vehicle that moves as a script says.
 
     Inertial data are integrals over the time since the last pass, however long that was: the change of velocity without
@@ -28,33 +55,27 @@ class ScriptSource(VehicleSource):
     """
 
     def __init__(self, options: ImuOptions, script: Script) -> None:
-        super().__init__(options)
-        self._trajectory = script.trajectory
-        self._start_us = None if script.start_s is None else round(1e6 * script.start_s)
+        self._script = ScriptedMotion(script)
+        super().__init__(options, self._script)
         self._delay_us = round(1e6 * script.delay_s)
         self._armed = False
-        self._last_us: int | None = None
-        self._last = self._trajectory.at(0.0)
 
     def sense(self, now_us: int) -> Sensors | None:
         """Return what the sensors say, or None for a time that has been."""
-        if self._start_us is None and self._armed:
-            self._start_us = now_us + self._delay_us
-        if self._last_us is None:
-            self._last_us = now_us - FIRST_INTERVAL_US
-            self._last = self._state(self._last_us)
-        if now_us <= self._last_us:
-            return None
-        before, now = self._last, self._state(now_us)
-        dt = 1e-6 * (now_us - self._last_us)
-        self._last_us, self._last = now_us, now
-        if now_us > self._next_reading_us:
-            then = self._state(last_reading_us(now_us) or 0)
-            self._read(now_us, 0.0 - then.pos[2], then.quat)
-        return self._model.apply(Sensors(delta_between(before, now, dt), self._baro, self._mag))
+        if self._script.start_us is None and self._armed:
+            self._script.start_us = now_us + self._delay_us
+        return super().sense(now_us)
 
-    def _state(self, time_us: int) -> State:
-        return self._trajectory.at(0.0 if self._start_us is None else 1e-6 * (time_us - self._start_us))
+    def ahead(self, times_us: range) -> Array:
+        """Return what passes get until the next reading."""
+        if self._script.start_us is None and self._armed:
+            self._script.think_again()
+            self._script.start_us = times_us[0] + self._delay_us
+        return super().ahead(times_us)
+
+    def _shown(self, now_us: int) -> tuple[float, quaternion.quaternion]:
+        then = self._script.at(last_reading_us(now_us) or 0)
+        return 0.0 - then.pos[2], then.quat
 
     def set_armed(self, armed: bool) -> None:
         """Hear whether the vehicle is armed; a script may wait for it."""
@@ -66,11 +87,11 @@ class ScriptSource(VehicleSource):
 
     def yaw_rad(self) -> float:
         """Return the heading at the last pass in rad, -pi..pi."""
-        return math.remainder(self._last.yaw_rad, TURN)
+        return math.remainder(self._script.state.yaw_rad, TURN)
 
     def truth(self, now_us: int) -> Truth:
         """Return where the vehicle is at a time in us since boot; until the script starts it stands."""
-        state = self._state(now_us)
+        state = self._script.at(now_us)
         quat = state.quat
         return Truth(state.pos, state.vel, (quat.w, quat.x, quat.y, quat.z))
 

@@ -3,17 +3,19 @@
 """A vehicle imagined to move as external navigation says, so that a stream of it can be tried with nothing else."""
 
 from collections import Counter
-from typing import Final
+from copy import copy
+from typing import Final, NamedTuple
 
 from ap_core.cint import i32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.sensors import Sensors
+from ekf_stub.inputs.inertial import InertialDelta
 from viso.geometry import quaternions as quaternion
 from viso.geometry.attitude import euler_of
 from viso.sensors.errors import exact_delta
+from viso.sensors.motion import Moving
+from viso.sensors.moving import MovingSource
 from viso.sensors.options import ImuOptions
-from viso.sensors.source import VehicleSource
 from viso.sensors.standing import LONGEST_US, NOMINAL_US, SHORTEST_US
 from viso.sensors.stream.follower import StreamFollower
 from viso.sensors.stream.frame import Pose
@@ -36,7 +38,50 @@ _STEER_US: Final = 10_000
 _LENGTH_TOLERANCE: Final = 0.1
 
 
-class FollowSource(VehicleSource):
+class FollowState(NamedTuple):
+    """The vehicle, and when it was steered last, us since boot."""
+
+    vehicle: ImaginedVehicle
+    steered_us: int
+
+
+class FollowedMotion(Moving[FollowState]):
+    """Follows poses.
+
+    Attributes:
+        follower: what it makes of the poses; None before the first one.
+        guided_us: when a pose came last that said where the vehicle is.
+    """
+
+    def __init__(self, heading_rad: float) -> None:
+        super().__init__(FollowState(ImaginedVehicle(heading_rad), 0))
+        self.follower: StreamFollower | None = None
+        self.guided_us = 0
+
+    def moved(self, state: FollowState, last_us: int | None, now_us: int) -> tuple[FollowState, InertialDelta]:
+        """Return the state at a time, from that of the pass before, and what ideal inertial sensors feel of it."""
+        vehicle, steered_us = copy(state.vehicle), state.steered_us
+        if last_us is not None and last_us - steered_us >= _STEER_US:
+            steered_us = last_us
+            self._steer(vehicle, last_us)
+        dt_us = NOMINAL_US if last_us is None else now_us - last_us
+        dt = 1e-6 * max(SHORTEST_US, min(dt_us, LONGEST_US))
+        return FollowState(vehicle, steered_us), exact_delta(*vehicle.move(dt), dt)
+
+    def _steer(self, vehicle: ImaginedVehicle, time_us: int) -> None:
+        if self.follower is None:
+            return
+        if self.is_in_gap(time_us):
+            vehicle.brake()
+        else:
+            vehicle.steer(self.follower.target(1e-6 * time_us))
+
+    def is_in_gap(self, time_us: int) -> bool:
+        """Return whether no pose has said for long where the vehicle is."""
+        return time_us - self.guided_us > GAP_US
+
+
+class FollowSource(MovingSource):
     """Sensors of a vehicle that follows the poses that external navigation gives.
 
     The vehicle starts at rest, level, at height 0, with the heading of the options, and stays so for 6 s after boot;
@@ -70,50 +115,24 @@ class FollowSource(VehicleSource):
     follows_poses = True
 
     def __init__(self, options: ImuOptions, *, heeds_stamps: bool = True) -> None:
-        super().__init__(options)
+        self._followed = FollowedMotion(options.heading_rad)
+        super().__init__(options, self._followed)
         self._heeds_stamps = heeds_stamps
-        self._vehicle = ImaginedVehicle(options.heading_rad)
-        self._follower: StreamFollower | None = None
-        self._now_us = -1
-        self._guided_us = self._steered_us = 0
         self.ignored: Counter[str] = Counter()
 
     @property
     def jumps(self) -> Counter[str]:
         """How many jumps there were, by ``position``, ``yaw`` and ``reset``."""
-        return Counter() if self._follower is None else self._follower.frame.jumps
+        follower = self._followed.follower
+        return Counter() if follower is None else follower.frame.jumps
 
-    # What the vehicle's sensors say
-
-    def sense(self, now_us: int) -> Sensors | None:
-        """Return what the sensors say, or None for a time that has been."""
-        dt_us = NOMINAL_US if self._now_us < 0 else now_us - self._now_us
-        if dt_us <= 0:
-            return None
-        if self._now_us - self._steered_us >= _STEER_US:
-            self._steer()
-        self._now_us = now_us
-        dt = 1e-6 * max(SHORTEST_US, min(dt_us, LONGEST_US))
-        delta = exact_delta(*self._vehicle.move(dt), dt)
-        if now_us > self._next_reading_us:
-            self._read(now_us, self._vehicle.height_m, self._vehicle.quat)
-        return self._model.apply(Sensors(delta, self._baro, self._mag))
-
-    def _steer(self) -> None:
-        self._steered_us = self._now_us
-        if self._follower is None:
-            return
-        if self._in_gap():
-            self._vehicle.brake()
-        else:
-            self._vehicle.steer(self._follower.target(1e-6 * self._now_us))
-
-    def _in_gap(self) -> bool:
-        return self._now_us - self._guided_us > GAP_US
+    def _shown(self, now_us: int) -> tuple[float, quaternion.quaternion]:
+        vehicle = self._followed.state.vehicle
+        return vehicle.height_m, vehicle.quat
 
     def yaw_rad(self) -> float:
         """Return the heading in rad; without a compass it begins as the stream's first yaw."""
-        return euler_of(self._vehicle.quat)[2]
+        return euler_of(self._followed.state.vehicle.quat)[2]
 
     # What the vehicle follows
 
@@ -126,17 +145,24 @@ class FollowSource(VehicleSource):
         if isinstance(pose, str):
             self.ignored[pose] += 1
             return
-        if self._follower is None:
+        motion, vehicle = self._followed, self._followed.state.vehicle
+        motion.think_again()
+        if motion.follower is None:
             if not self._options.has_compass():
-                self._vehicle.point(euler_of(pose.quat)[2])
-            self._follower = StreamFollower(pose, self._vehicle.movement())
+                vehicle.point(euler_of(pose.quat)[2])
+            motion.follower = StreamFollower(pose, vehicle.movement())
             is_guide = True
-        elif self._in_gap():
-            is_guide = self._follower.begin_again(pose, self._vehicle.movement(), is_reset=is_reset)
+        elif motion.is_in_gap(self._now_us):
+            is_guide = motion.follower.begin_again(pose, vehicle.movement(), is_reset=is_reset)
         else:
-            is_guide = self._follower.go_on(pose, is_reset=is_reset)
+            is_guide = motion.follower.go_on(pose, is_reset=is_reset)
         if is_guide:
-            self._guided_us = self._now_us
+            motion.guided_us = self._now_us
+
+    @property
+    def _now_us(self) -> int:
+        last_us = self._followed.last_us
+        return -1 if last_us is None else last_us
 
     def _usable(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int) -> Pose | str:
         now_us = self._now_us
@@ -151,6 +177,7 @@ class FollowSource(VehicleSource):
             return "absurd_attitude"
         age_ms = max(0, min(i32(now_us // 1000 - observed_ms), MAX_AGE_MS)) if self._heeds_stamps else 0
         time_s = 1e-3 * (now_us // 1000 - age_ms)
-        if self._follower is not None and time_s - self._follower.time_s < MIN_INTERVAL_S:
+        follower = self._followed.follower
+        if follower is not None and time_s - follower.time_s < MIN_INTERVAL_S:
             return "not_newer"
         return Pose(time_s, (x, y, z), attitude / length)

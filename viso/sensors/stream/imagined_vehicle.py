@@ -52,6 +52,12 @@ class ImaginedVehicle:
         self._rate_change: Three = ZERO
         self.point(heading_rad)
 
+    def __copy__(self) -> "ImaginedVehicle":
+        """Return another one that moves alike, and from then on by itself."""
+        other = ImaginedVehicle.__new__(ImaginedVehicle)
+        other.__dict__.update(self.__dict__)
+        return other
+
     def point(self, heading_rad: float) -> None:
         """Stand level, with a heading; for a vehicle at rest, whose IMU does not feel it."""
         self.quat = quat_of_rpy(0.0, 0.0, heading_rad)

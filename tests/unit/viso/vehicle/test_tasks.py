@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """When a task has its turns, and that turns which are left out are those that would have been had."""
 
+from functools import partial
+
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ap_core.clock import NEVER
-from viso.vehicle.tasks import EACH_PASS, Task
+from viso.vehicle.tasks import EACH_PASS, Task, next_due_us
 
 PASS_US = 2500
 
@@ -45,11 +47,17 @@ def test_first_turn_may_be_later() -> None:
 def test_task_is_due_when_it_has_its_turn_and_is_not_idle() -> None:
     task = Task("camera", lambda: None, 100, idle_until_us=lambda: 5000)
     task.run_if_due(1000)
-    assert task.due_us() == 5000
+    assert next_due_us([task]) == 5000
     task.idle_until_us = lambda: 0
-    assert task.due_us() == 1100
+    assert next_due_us([task]) == 1100
     task.idle_until_us = lambda: NEVER
-    assert task.due_us() == NEVER
+    assert next_due_us([task]) == NEVER
+
+
+def test_first_task_that_has_something_to_do_counts() -> None:
+    tasks = [Task("idle", lambda: None, idle_until_us=partial(int, idle_us)) for idle_us in (9, 3, 5)]
+    assert next_due_us(tasks) == 3
+    assert next_due_us([]) == NEVER
 
 
 @given(
