@@ -39,18 +39,20 @@ class FullVehicle:
         log_dir: where its log goes.
         period_us: from one message to the next.
         imus: how many IMUs it has that differ, each with a core; 1 for cores with equal data.
+        params: further parameters.
 
     Attributes:
         vehicle: it.
     """
 
-    def __init__(self, log_dir: Path, *, period_us: int = PERIOD_US, imus: int = 1) -> None:
+    def __init__(self, log_dir: Path, *, period_us: int = PERIOD_US, imus: int = 1, **params: float) -> None:
         self._period_us = period_us
-        config = VehicleConfig(defaults=_PARAMS, log_store=LogStore(log_dir))
+        defaults = {**_PARAMS, **params}
+        config = VehicleConfig(defaults=defaults, log_store=LogStore(log_dir))
         if imus > 1:
             errors = SensorErrors(gyro_noise_deg_s_rthz=0.01, accel_noise_m_s2_rthz=0.001, imus=imus)
-            params = {**_PARAMS, "EK3_IMU_MASK": (1 << imus) - 1}
-            config = replace(config, defaults=params, make_ahrs=by_ekf3(BenchSource, ImuOptions(errors=errors)))
+            defaults["EK3_IMU_MASK"] = (1 << imus) - 1
+            config = replace(config, make_ahrs=by_ekf3(BenchSource, ImuOptions(errors=errors)))
         self.vehicle = Vehicle(config)
         self._scheduler = Scheduler(self.vehicle)
         self._wire, self._companion_wire = make_pair(("autopilot", "companion"))

@@ -73,7 +73,9 @@ class Frames:
         self.starts: Ints = np.where(starts < _NEVER, starts, latest)[kept]
         self.time_us: Ints = self.begin_times_us[kept]
         self._flying_ms, self._late = times[:count, 1][kept], late[kept]
-        self._imus = [_Imu(log, imu, self.runs) for imu in range(MAX_IMUS)]
+        readings, places = _numbers(log, "RISI", *INERTIAL, "Flags", "I"), log.offsets("RISI")
+        imu_of = readings[:, -1]
+        self._imus = [_Imu(readings[imu_of == imu, :-1], places[imu_of == imu], self.runs) for imu in range(MAX_IMUS)]
         self._chunk_of = -1
         self._chunk: list[float] = []
 
@@ -139,11 +141,8 @@ class _Imu:
         bad: where the first record is that cannot be used, in bytes, and why; None if all can.
     """
 
-    def __init__(self, log: LogColumns, imu: int, until: Ints) -> None:
-        table = _numbers(log, "RISI", *INERTIAL, "Flags", "I")
-        own = table[:, -1] == imu
-        self.deltas, self.flags = table[own, :-2], table[own, -2].astype(np.int64)
-        places = log.offsets("RISI")[own]
+    def __init__(self, readings: Array, places: Ints, until: Ints) -> None:
+        self.deltas, self.flags = readings[:, :-1], readings[:, -1].astype(np.int64)
         self.row: Ints = np.searchsorted(places, until) - 1
         self.bad: tuple[int, str] | None = None
         bad = np.argwhere(~np.isfinite(self.deltas))
