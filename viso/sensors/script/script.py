@@ -60,17 +60,19 @@ class ScriptSource(MovingSource):
         self._delay_us = round(1e6 * script.delay_s)
         self._armed = False
 
-    def sense(self, now_us: int) -> Sensors | None:
-        """Return what the sensors say, or None for a time that has been."""
+    def _start_if_armed(self, now_us: int) -> None:
         if self._script.start_us is None and self._armed:
             self._script.start_us = now_us + self._delay_us
+            self._script.think_again()
+
+    def sense(self, now_us: int) -> Sensors | None:
+        """Return what the sensors say, or None for a time that has been."""
+        self._start_if_armed(now_us)
         return super().sense(now_us)
 
     def ahead(self, times_us: range) -> Array:
         """Return what passes get until the next reading."""
-        if self._script.start_us is None and self._armed:
-            self._script.think_again()
-            self._script.start_us = times_us[0] + self._delay_us
+        self._start_if_armed(times_us[0])
         return super().ahead(times_us)
 
     def _shown(self, now_us: int) -> tuple[float, quaternion.quaternion]:
