@@ -99,7 +99,8 @@ def test_autopilot_navigates_by_it(flown: dict[str, Any], name: str) -> None:
     texts = [text["text"] for text in companion["texts"]]
     assert "EKF3 IMU0 is using external nav data" in texts
     fused = {row["kind"]: row["count"] for row in autopilot["filter"] if row["outcome"] == "fused"}
-    assert fused["pose"] > 100
+    # Of some 240: all but three on an idle computer, 93 to 95 beside six programs on two cores, as passes come late.
+    assert fused["pose"] > 80
 
 
 def test_good_odometry_is_hardly_ever_rejected(flown: dict[str, Any]) -> None:
