@@ -97,6 +97,14 @@ class Trip(machine.Trip):
         self._scheduler = Scheduler(self.vehicle)
         self._next_hil_us = 0
         self.records: list[Any] = []
+        self.stable: list[tuple[int, bool]] = []
+        set_stable = self.vehicle.ahrs.set_terrain_stable
+
+        def noted(*, is_stable: bool) -> None:
+            self.stable.append((self.vehicle.clock.micros64(), is_stable))
+            set_stable(is_stable=is_stable)
+
+        self.vehicle.ahrs.set_terrain_stable = noted  # type: ignore[method-assign]
         self.verdicts: Counter[Any] = Counter()
         self.vehicle.logger.on_write = lambda structure, values: self.records.append((structure.name, str(values)))
         self.vehicle.endpoint.on_event = lambda event: self.verdicts.update([(event.now_us, event.verdict.rule.code)])
@@ -191,3 +199,19 @@ def test_same_comes_of_passes_in_blocks_of_any_size(kind: str) -> None:
         check_alike(
             kind, seed, 9, GPS1_TYPE=14.0 * (seed % 2), FLOW_TYPE=5.0 * (seed == 5), COMPASS_USE=float(seed % 3)
         )
+
+
+def unstable_at_us(most: int) -> int:
+    """Return when heights count from the ground no longer, of a vehicle in LAND whose camera falls silent."""
+    trip = Trip("bench", lambda: most, GPS1_TYPE=0.0)
+    trip.run(9.0)
+    trip.command(176, 1.0, 9.0)
+    trip.run(2.03)
+    assert trip.stable[-1][1]
+    trip.is_seen, silent_us = False, trip.now_us
+    trip.run(20.0)
+    return next(us for us, is_stable in trip.stable if us > silent_us and not is_stable)
+
+
+def test_end_of_a_position_is_seen_in_the_same_pass() -> None:
+    assert unstable_at_us(1) == unstable_at_us(1000)

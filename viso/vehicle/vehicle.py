@@ -193,7 +193,7 @@ class Vehicle:
             Task("log flown again", self._follow_flight, next_us=boot_us, idle_until_us=self.source.next_event_us),
         ]
         after = [
-            # A position is wanted when a sample comes: to align to those before is of no use.
+            # It asks for an alignment at the next sample: to ask once before that is enough.
             Task("camera", self._align_camera, idle_until_us=always_idle),
             Task("copter", copter.update, idle_until_us=copter.idle_until_us),
             Task("internal errors", self._tell_internal_errors, idle_until_us=self._errors_idle_until_us),

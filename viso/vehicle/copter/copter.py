@@ -128,7 +128,7 @@ class Copter:
 
     def idle_until_us(self) -> int:
         """Return before when ``update`` has nothing to do as things are; 0 if the next one may."""
-        if self._ekf_has_reset():
+        if self._mode_has_changed or self._ekf_has_reset():
             return 0
         until_us = min(self.home.idle_until_us(), self._motors.idle_until_us())
         if self.flight is not None:
@@ -169,7 +169,9 @@ class Copter:
         """Return before when ``expect_ground`` changes nothing, as things are; 0 if the next time it may."""
         is_told = self._parts.source.expected() is not None
         may_change = not is_told and self.landing.may_expect(armed=self.arming.armed)
-        return 0 if may_change or self._is_stable() != self._was_stable else NEVER
+        # Whether the estimator has a position may change in any pass.
+        may_be_stable = self._was_stable or self.landing.is_taking_off() or self.modes.current.lands
+        return 0 if may_change or may_be_stable else NEVER
 
     def _is_stable(self) -> bool:
         return (self.landing.is_taking_off() or self.modes.current.lands) and self.estimates.position_ok()
