@@ -12,7 +12,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -61,11 +61,12 @@ def serving(folder: Path, *masters: str) -> Iterator[Autopilot]:
     command = [sys.executable, "-c", "from viso.cli import main; main()", "serve", *links]
     command += ["--param", "VISO_TYPE=1", "--log-dir", str(folder), "--speedup", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        autopilot = Autopilot(process, folder / "00000001.BIN")
         try:
-            yield Autopilot(process, folder / "00000001.BIN")
+            yield autopilot
         finally:
-            with suppress(ProcessLookupError):
-                process.kill()
+            # The pipe must not be closed while the reader is still in it.
+            autopilot.stop(signal.SIGKILL)
 
 
 class Client:
