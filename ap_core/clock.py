@@ -13,6 +13,11 @@ _U32: Final = 0xFFFFFFFF
 _U64: Final = 0xFFFFFFFFFFFFFFFF
 
 
+def count_before(times: range, time: int) -> int:
+    """Return how many growing, evenly spaced times come before a time, as if there were no end of them."""
+    return max(0, -((times.start - time) // times.step))
+
+
 class Clock(Protocol):
     """Time since boot of the emulated vehicle (AP_HAL::micros64, AP_HAL::millis)."""
 

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import u32
+from ap_core.clock import count_before
 from ap_core.fmath import f32, ieee754
 from ap_core.location import Location
 from ap_core.param_cache import FromParams
@@ -76,8 +77,7 @@ def yaw_of(quat: Quaternion) -> float:
 
 def passes_through(times_us: range, time_us: int) -> range:
     """Return the passes up to and with the first one at or after a time."""
-    before = -((times_us.start - time_us) // times_us.step)
-    return times_us[: max(0, before) + 1]
+    return times_us[: count_before(times_us, time_us) + 1]
 
 
 class Ekf3Ahrs(AhrsBase):

@@ -16,7 +16,7 @@ NO_CAMERA: Final = VisualOdomFrame(Vector3f(), 0, healthy=False, enabled=False)
 
 @dataclass(slots=True)
 class VehicleState:
-    """The vehicle as of the pass of the main loop that comes; it is brought up to date before each.
+    """The vehicle as of the first of the passes that come; it stays the same in all that are run at once.
 
     Attributes:
         camera: where the camera is, how late it is, and whether it is healthy and enabled.

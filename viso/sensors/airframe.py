@@ -149,5 +149,4 @@ class Airframe(Moving[AirframeState]):
 
     def truth(self) -> Truth:
         """Return where the vehicle really is, as of the last pass."""
-        quat = self.state.seen().quat
-        return Truth(self.state.pos, self.state.vel, (quat.w, quat.x, quat.y, quat.z))
+        return self.state.seen().truth()

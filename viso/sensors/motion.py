@@ -32,6 +32,11 @@ class State(NamedTuple):
     quat: quaternion.quaternion
     yaw_rad: float
 
+    def truth(self) -> Truth:
+        """Return it as others are told of it."""
+        quat = self.quat
+        return Truth(self.pos, self.vel, (quat.w, quat.x, quat.y, quat.z))
+
 
 def delta_between(before: State, now: State, dt: float) -> InertialDelta:
     """Return what inertial sensors feel from one state to another, in ``dt`` seconds."""
@@ -73,7 +78,7 @@ class Moving(ABC, Generic[S]):
     def ahead(self, times_us: range) -> list[InertialDelta]:
         """Return what ``go_to`` will return at times, unless it hears of something else before."""
         coming = self._coming
-        if coming and coming[0][0] != times_us[0]:
+        if any(one[0] != time_us for one, time_us in zip(coming, times_us, strict=False)):
             coming.clear()
         last_us, state = coming[-1][:2] if coming else (self.last_us, self.state)
         for time_us in times_us[len(coming) :]:

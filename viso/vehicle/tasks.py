@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from ap_core.clock import NEVER
+from ap_core.clock import NEVER, count_before
 
 EACH_PASS: Final = 0
 
@@ -50,10 +50,10 @@ class Task:
             self.run()
 
     def leave_out(self, times_us: range) -> None:
-        """Count the turns as had that it had in passes, at least one, in which it had nothing to do."""
+        """Note that its turns in some passes, at least one, are over; it had nothing to do in them."""
         last_us, step_us = times_us[-1], times_us.step
         if self.period_us != EACH_PASS and self.next_us <= last_us:
-            first_us = times_us.start + max(0, -((times_us.start - self.next_us) // step_us)) * step_us
+            first_us = times_us.start + count_before(times_us, self.next_us) * step_us
             every_us = -(-self.period_us // step_us) * step_us
             self.next_us = first_us + (last_us - first_us) // every_us * every_us + self.period_us
 

@@ -3,9 +3,9 @@
 """The emulated vehicle: everything wired together, behind a MAVLink endpoint.
 
 Two calls move it: ``receive_bytes`` when a link has delivered, and ``advance``, with the times of passes of the main
-loop, which are 400 per second. A pass runs the filter, then the tasks that have their turn, in the firmware's order. So
-records and messages come in the order that a real log has. Nothing here waits, sleeps or runs beside; who calls decides
-whether time is real.
+loop, which are 400 per second. A pass runs what comes before the filter, the filter, and then the tasks that have their
+turn, in the firmware's order. So records and messages come in the order that a real log has. Nothing here waits, sleeps
+or runs beside; who calls decides whether time is real.
 
 This is the one place that knows all parts. Each is built with the objects that it asks for. The last part of the class
 is the vehicle as the endpoint sees it (``mav_handlers.ports``), and for the most part passes on.
@@ -14,7 +14,7 @@ is the vehicle as the endpoint sees it (``mav_handlers.ports``), and for the mos
 from typing import Final
 
 from ap_core.cint import i16
-from ap_core.clock import NEVER, VirtualClock
+from ap_core.clock import NEVER, VirtualClock, count_before
 from ap_core.internal_error import InternalErrors
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
@@ -197,7 +197,7 @@ class Vehicle:
             Task("camera", self._align_camera, idle_until_us=always_idle),
             Task("copter", copter.update, idle_until_us=copter.idle_until_us),
             Task("internal errors", self._tell_internal_errors, idle_until_us=self._errors_idle_until_us),
-            Task("ground", copter.expect_ground, THROTTLE_PERIOD_US, copter.expects_ground_until_us, boot_us),
+            Task("ground", copter.expect_ground, THROTTLE_PERIOD_US, copter.ground_idle_until_us, boot_us),
             Task("gps", gps.update, GPS_PERIOD_US, gps.idle_until_us, boot_us),
             Task("flow", flow.update, FLOW_PERIOD_US, flow.idle_until_us, boot_us),
             Task("ranges", ranges.update, RANGE_PERIOD_US, ranges.idle_until_us, FIRST_RANGE_US),
@@ -229,8 +229,7 @@ class Vehicle:
         for task in self._before_filter:
             task.run_if_due(first_us)
         self._tell_ahrs()
-        before = -((first_us - next_due_us(self._before_filter)) // times_us.step)
-        alike = times_us[: max(1, before)]
+        alike = times_us[: max(1, count_before(times_us, next_due_us(self._before_filter)))]
         count = self.ahrs.advance(alike, self._next_after_filter_us)
         now_us = times_us[count - 1]
         if count > 1:

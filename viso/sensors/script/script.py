@@ -93,9 +93,7 @@ class ScriptSource(MovingSource):
 
     def truth(self, now_us: int) -> Truth:
         """Return where the vehicle is at a time in us since boot; until the script starts it stands."""
-        state = self._script.at(now_us)
-        quat = state.quat
-        return Truth(state.pos, state.vel, (quat.w, quat.x, quat.y, quat.z))
+        return self._script.at(now_us).truth()
 
 
 def read_script_source(argument: str) -> Callable[[ImuOptions], ScriptSource]:

@@ -149,7 +149,9 @@ class FollowSource(MovingSource):
         motion.think_again()
         if motion.follower is None:
             if not self._options.has_compass():
+                vehicle = copy(vehicle)
                 vehicle.point(euler_of(pose.quat)[2])
+                motion.state = motion.state._replace(vehicle=vehicle)
             motion.follower = StreamFollower(pose, vehicle.movement())
             is_guide = True
         elif motion.is_in_gap(self._now_us):

@@ -165,8 +165,8 @@ class Copter:
         """See whether the estimator is to be trusted; ten times per second."""
         self._ekf_check.update()
 
-    def expects_ground_until_us(self) -> int:
-        """Return before when ``expect_ground`` changes nothing, as things are; 0 if the next time it may."""
+    def ground_idle_until_us(self) -> int:
+        """Return before when ``expect_ground`` has nothing to do as things are; 0 if the next time it may."""
         is_told = self._parts.source.expected() is not None
         may_change = not is_told and self.landing.may_expect(armed=self.arming.armed)
         # Whether the estimator has a position may change in any pass.

@@ -16,6 +16,7 @@ from ap_core.verdict import Outcome
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, VISION_SPEED_ESTIMATE, Message
 from tests.unit.viso.conftest import odometry
+from tests.unit.viso.passes import times_of_passes
 from viso.fates.samples import FATE_WAIT_US
 from viso.fates.watch import FilterWatch
 from viso.replay import feed
@@ -333,19 +334,6 @@ def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(feed, name, time_us)
 
 
-def counted_loops(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    times: list[int] = []
-    advance = vehicle.advance
-
-    def counted(times_us: range) -> int:
-        count = advance(times_us)
-        times.extend(times_us[:count])
-        return count
-
-    monkeypatch.setattr(vehicle, "advance", counted)
-    return times
-
-
 HOUR_US = 3_600_000_000
 WITH_A_HOLE = [(100_000, SAMPLE), (100_000 + HOUR_US, SAMPLE), (150_000 + HOUR_US, SAMPLE)]
 
@@ -353,7 +341,7 @@ WITH_A_HOLE = [(100_000, SAMPLE), (100_000 + HOUR_US, SAMPLE), (150_000 + HOUR_U
 def test_silence_of_an_hour_is_passed_over(short_waits: None, monkeypatch: pytest.MonkeyPatch) -> None:
     recorded = stream(*WITH_A_HOLE, shared=False)
     vehicle = Vehicle(VehicleConfig(defaults=recorded.params))
-    loops = counted_loops(vehicle, monkeypatch)
+    loops = times_of_passes(vehicle, monkeypatch)
     replay = Replay(vehicle, recorded, None)
     messages = list(replay.run())
     assert [field(message, 0) for message in messages] == [arrival_us for arrival_us, _ in WITH_A_HOLE]
@@ -392,7 +380,7 @@ def test_silence_is_run_while_the_vehicle_moves(short_waits: None, monkeypatch: 
     recorded = stream((2_000_000, SAMPLE), shared=False)
     vehicle = Vehicle(VehicleConfig())
     monkeypatch.setattr(vehicle.source, "is_at_rest", lambda _until_us: False)
-    loops = counted_loops(vehicle, monkeypatch)
+    loops = times_of_passes(vehicle, monkeypatch)
     replay = Replay(vehicle, recorded, None)
     list(replay.run())
     assert (len(loops), replay.notes()) == (801, ())

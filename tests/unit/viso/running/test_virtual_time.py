@@ -8,6 +8,7 @@ import pytest
 
 from mav_handlers.channel import Channel
 from tests.unit.viso.conftest import Bench
+from tests.unit.viso.passes import times_of_passes
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -17,28 +18,14 @@ def vehicle() -> Vehicle:
     return Vehicle(VehicleConfig())
 
 
-def loops_of(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Return a list to which the time of every pass of the main loop is appended."""
-    times: list[int] = []
-    advance = vehicle.advance
-
-    def noted(times_us: range) -> int:
-        count = advance(times_us)
-        times.extend(times_us[:count])
-        return count
-
-    monkeypatch.setattr(vehicle, "advance", noted)
-    return times
-
-
 def test_loop_runs_400_times_a_second(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    times = loops_of(vehicle, monkeypatch)
+    times = times_of_passes(vehicle, monkeypatch)
     Scheduler(vehicle).run_until(1_000_000)
     assert times == list(range(0, 1_000_001, 2500))
 
 
 def test_time_stands_where_it_was_asked_to(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    times = loops_of(vehicle, monkeypatch)
+    times = times_of_passes(vehicle, monkeypatch)
     scheduler = Scheduler(vehicle)
     scheduler.run_until(6_001)
     assert scheduler.now_us == vehicle.clock.micros64() == 6_001
@@ -46,7 +33,7 @@ def test_time_stands_where_it_was_asked_to(vehicle: Vehicle, monkeypatch: pytest
 
 
 def test_no_pass_is_made_twice(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    times = loops_of(vehicle, monkeypatch)
+    times = times_of_passes(vehicle, monkeypatch)
     scheduler = Scheduler(vehicle)
     for time_us in (2500, 2500, 4000, 5000):
         scheduler.run_until(time_us)
@@ -61,7 +48,7 @@ def test_time_does_not_run_backwards(vehicle: Vehicle) -> None:
 
 
 def test_time_can_pass_without_the_loop(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    times = loops_of(vehicle, monkeypatch)
+    times = times_of_passes(vehicle, monkeypatch)
     scheduler = Scheduler(vehicle)
     scheduler.run_until(6_001)
     scheduler.pass_over(3_600_000_000)

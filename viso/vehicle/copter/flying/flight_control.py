@@ -87,7 +87,7 @@ class FlightControl:
     # What others ask
 
     def idle_until_us(self, *, armed: bool) -> int:
-        """Return when it decides next; never while the motors are off."""
+        """Return before when ``update`` has nothing to do: until it decides next, or for ever with motors off."""
         return self._next_us if armed or self._is_flying else NEVER
 
     def is_landing(self) -> bool:
