@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Final
 
 from tools.measured_page import render, replace
-from viso.ekf_runs import targets as ekf_targets
-from viso.ekf_runs.comparison import Comparison, compare
-from viso.ekf_runs.run import replay_ekf
+from viso.compare.ekf import targets as ekf_targets
+from viso.compare.ekf.comparison import Comparison, compare
+from viso.compare.ekf.run import replay_ekf
 from viso.errors import InputError
 from viso.terminal.console import progress
 

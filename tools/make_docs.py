@@ -40,27 +40,27 @@ from tools import ekf_sources, pictures, rooms_picture, terminal_picture
 from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import command_function, make_app
 from viso.companion.engine import protocol as engine_protocol
-from viso.companion.faults.fault import parameters_of
-from viso.companion.faults.kinds import FAULTS
-from viso.companion.recorded.frame_change import PRESETS as AXES
-from viso.companion.recorded.messages import FORMS
-from viso.companion.recorded.readers import FORMATS as TRAJECTORY_FORMATS
 from viso.companion.sources.kinds import SOURCES
 from viso.companion.vio.config import VioConfig
-from viso.comparing.recordings import RECORDING_KINDS
-from viso.comparing.rules import TEXT_EXCEPTIONS, TOLERANCES
+from viso.compare.figures import OBJECTIVES
+from viso.compare.recordings import RECORDING_KINDS
+from viso.compare.rules import TEXT_EXCEPTIONS, TOLERANCES
 from viso.doctor.measures.own_filter import Witness
 from viso.doctor.rules import FAMILIES as DOCTOR_FAMILIES
 from viso.doctor.rules import RULES as DOCTOR_RULES
-from viso.fates.labels import basis, fate_of, is_final, why
+from viso.faults.fault import parameters_of
+from viso.faults.kinds import FAULTS
 from viso.firmware.releases import PROFILES, Firmware
-from viso.options.presets import PRESETS, preset_title
+from viso.geometry.frame_change import PRESETS as AXES
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
 from viso.recording.outputs import FILES as RECORDING_FILES
 from viso.recording.scenario import MOTIONS, SCENARIOS, STEPS, Scenario, Stream, read_scenario
-from viso.replay.figures import OBJECTIVES
+from viso.streams.messages import FORMS
+from viso.streams.readers import FORMATS as TRAJECTORY_FORMATS
 from viso.streams.stream_kinds import STREAM_KINDS
+from viso.terminal.presets import PRESETS, preset_title
+from viso.vehicle.outcomes.labels import basis, fate_of, is_final, why
 from viso.web.desk import ACTIONS
 from viso.web.faults import SWITCHES
 

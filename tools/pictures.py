@@ -22,7 +22,7 @@ from ekf_stub.core.samples import HALF_FILTER_STEP_MS
 from ekf_stub.inputs import ingest_rules as ekf
 from mav_handlers import verdicts as endpoint
 from mav_handlers.signing import verdicts as signing
-from viso.fates.labels import fate_of
+from viso.vehicle.outcomes.labels import fate_of
 
 WIDTH: Final = 720
 FONT: Final = '"DejaVu Sans", Verdana, sans-serif'

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from rich.table import Table
 
-from viso.comparing.recordings import compare_recording, recordings_in
-from viso.ekf_runs.run import NothingToCompare
+from viso.compare.ekf.run import NothingToCompare
+from viso.compare.recordings import compare_recording, recordings_in
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.terminal.console import err, out
 

@@ -15,9 +15,9 @@ from viso.companion.sources.euroc import EurocRecording
 from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
 from viso.companion.trials.trial import EventSource, run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
-from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import ImuBias, VioState, WarmStartPose
 from viso.companion.vio.worker import VioUpdate
+from viso.geometry.se3 import SE3, Array, so3_exp
 
 THREE_SIGMA: Final = 14.16  # of the normalised square of three numbers: 99.73 %
 

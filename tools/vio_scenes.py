@@ -15,13 +15,13 @@ import numpy as np
 from tools.trial import Trial, run_trial
 from viso.companion.vio.config import AglSource, EngineConfig, Scene, VioConfig
 from viso.companion.vio.frames import MOUNTINGS
-from viso.companion.vio.se3 import SE3, so3_exp
 from viso.companion.vio.types import CameraCalibration, NavCameraFrame, Pixels, SensorEvent
 from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import hover, nadir_survey, room_tour
 from viso.companion.world.scenery import Hills, Room
 from viso.companion.world.texture import GroundTexture, to_pixels
+from viso.geometry.se3 import SE3, so3_exp
 
 Flights = Callable[[int], SyntheticFlight]
 """Returns the flight of a seed."""

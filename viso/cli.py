@@ -104,7 +104,7 @@ class _Commands(TyperGroup):
 
 
 def _command(name: str) -> Any:
-    from viso.options.outputs import keeping_inputs
+    from viso.terminal.outputs import keeping_inputs
 
     function = command_function(name)
     app = typer.Typer(add_completion=False, rich_markup_mode=None)

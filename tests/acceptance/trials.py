@@ -15,12 +15,12 @@ from tools.trial import Trial, disturbed_start, run_trial
 from viso.companion.odometry.composer import OdometryComposer
 from viso.companion.sources.euroc import EurocRecording, load_euroc
 from viso.companion.vio.config import AglSource, LocalAlignment, Scene, VioConfig
-from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import VioState
 from viso.companion.world.flight import SyntheticFlight
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import nadir_survey
 from viso.companion.world.texture import GroundTexture
+from viso.geometry.se3 import Array
 
 DATA = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data"))
 NADIR = VioConfig(scene=Scene.PLANAR, agl_source=AglSource.RANGEFINDER)

@@ -29,12 +29,10 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     still_window,
 )
 from viso.companion.vio.config import EngineConfig, VioConfig
-from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.json_log import compact_json
 from viso.companion.vio.registry import FLAGS, STRATEGIES, build_vio_strategy
-from viso.companion.vio.se3 import SE3
 from viso.companion.vio.strategy import StrategyBase
 from viso.companion.vio.types import (
     ImuBias,
@@ -46,6 +44,8 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
+from viso.geometry.covariance import sound_covariance
+from viso.geometry.se3 import SE3
 
 Prepare = Callable[[pytest.MonkeyPatch], object]
 

@@ -12,19 +12,19 @@ from typing import Any
 
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
-from viso.companion.faults import TimelineError, load_timeline
 from viso.companion.vio.calibration import CalibrationError, load_calibration
 from viso.companion.vio.config import ConfigError, load_config
 from viso.errors import InputError
+from viso.faults import TimelineError, load_timeline
 from viso.landmarks.camera import camera_of
 from viso.logs.files import MAX_FILES, LogStore
 from viso.logs.recorded import read_recorded_states
-from viso.options.settings import load_parm_file, parse_assignment
 from viso.parameters.store import ParamStore
 from viso.parameters.table import make_groups
-from viso.sensors.script.script import read_script_source
 from viso.streams.stream_kinds import Stream, read_stream
 from viso.sweep.request import read_wishes
+from viso.terminal.settings import load_parm_file, parse_assignment
+from viso.vehicle.sensors.script.script import read_script_source
 
 LEAD_US = 30_000_000
 REFUSALS = (InputError, CalibrationError, ConfigError, TimelineError)

@@ -19,9 +19,9 @@ from mav_handlers.dds import Transform
 from mav_handlers.wire.codec import Codec
 from tests.figure_of_eight import Pose, figure_of_eight
 from tests.interop.programs import LOOPBACK
+from viso.dds import messages as ros
+from viso.dds.graph import DEFAULT, LATCHED, SENSOR_DATA, Participant, Reader, Writer
 from viso.logs.sink import MemoryLog
-from viso.ros2 import messages as ros
-from viso.ros2.graph import DEFAULT, LATCHED, SENSOR_DATA, Participant, Reader, Writer
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

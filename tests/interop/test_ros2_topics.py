@@ -22,11 +22,11 @@ from rosbags.highlevel import AnyReader
 
 from tests.interop.programs import LOOPBACK
 from tests.places import ROOT
+from viso.dds import messages
+from viso.dds.graph import DEFAULT, SENSOR_DATA, Participant, Qos
+from viso.dds.messages import Header, Odometry, PoseStamped, TFMessage, Time, TransformStamped
+from viso.dds.poses import Heard, PoseTopic
 from viso.errors import InputError
-from viso.ros2 import messages
-from viso.ros2.graph import DEFAULT, SENSOR_DATA, Participant, Qos
-from viso.ros2.messages import Header, Odometry, PoseStamped, TFMessage, Time, TransformStamped
-from viso.ros2.poses import Heard, PoseTopic
 
 pytestmark = pytest.mark.interop
 

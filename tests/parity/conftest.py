@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.places import DATA
-from viso.comparing.captures import Capture, Played, play, read_recorded
+from viso.compare.captures import Capture, Played, play, read_recorded
 from viso.firmware.releases import PROFILES, REFERENCE
 from viso.logs.single import single_log
 

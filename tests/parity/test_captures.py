@@ -13,10 +13,10 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from tests.places import DATA
-from viso.comparing.agreement import Difference
-from viso.comparing.captures import Capture, ack_differences, is_close, record_differences, text_differences
-from viso.comparing.recordings import kind_of
-from viso.comparing.rules import ABOUT_VISUAL_ODOM, CAPTURE, tolerances_of
+from viso.compare.agreement import Difference
+from viso.compare.captures import Capture, ack_differences, is_close, record_differences, text_differences
+from viso.compare.recordings import kind_of
+from viso.compare.rules import ABOUT_VISUAL_ODOM, CAPTURE, tolerances_of
 from viso.firmware.releases import REFERENCE
 
 if TYPE_CHECKING:

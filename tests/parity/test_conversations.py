@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 
 from tests.places import DATA
-from viso.comparing.conversations import Conversation, Exchange, answer_differences, read_conversation, specified_in
+from viso.compare.conversations import Conversation, Exchange, answer_differences, read_conversation, specified_in
 from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE
 
 CONVERSATIONS = DATA / "conversations"

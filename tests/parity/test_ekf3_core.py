@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from tests.parity.behaviours.logs import LOGS, Recordings, recordings_of_run
-from viso.comparing.logs import estimate_differences
-from viso.ekf_runs import targets as ekf_targets
-from viso.ekf_runs.comparison import compare
-from viso.ekf_runs.run import EkfReplay, replay_ekf
+from viso.compare.ekf import targets as ekf_targets
+from viso.compare.ekf.comparison import compare
+from viso.compare.ekf.run import EkfReplay, replay_ekf
+from viso.compare.logs import estimate_differences
 from viso.errors import InputError
 
 NAMES: Final = sorted(ekf_targets.log_name(path) for path in LOGS.glob("*.BIN.xz"))

@@ -14,10 +14,10 @@ import pytest
 
 from ap_visualodom.log_structure import VISP, VISV
 from tests.places import DATA
-from viso.comparing.vectors import line_differences
-from viso.ekf_runs import targets as ekf_targets
-from viso.ekf_runs.comparison import compare
-from viso.ekf_runs.run import replay_ekf
+from viso.compare.ekf import targets as ekf_targets
+from viso.compare.ekf.comparison import compare
+from viso.compare.ekf.run import replay_ekf
+from viso.compare.vectors import line_differences
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
 from viso.replay.feed import Replay
 from viso.replay.vectors import recompute

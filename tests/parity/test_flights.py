@@ -22,9 +22,9 @@ from viso.logs.filter_records import rows_of
 from viso.logs.recorded import read_columns
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
-from viso.sensors.inertial_sources import read_source
-from viso.sensors.options import ImuOptions
 from viso.vehicle.config import VehicleConfig, by_ekf3
+from viso.vehicle.sensors.inertial_sources import read_source
+from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
 
 pytestmark = pytest.mark.slow

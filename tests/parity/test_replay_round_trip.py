@@ -29,7 +29,7 @@ from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, ReplayLog, VehicleFrame
 from ekf_stub.log.reporting import report_of
 from ekf_stub.release import REFERENCE
 from ekf_stub.reports.core_texts import words_of
-from viso.ekf_runs.run import EkfReplay, replay_ekf
+from viso.compare.ekf.run import EkfReplay, replay_ekf
 from viso.logs.logger import STRUCTURES, Logger
 from viso.logs.sink import MemoryLog
 from viso.parameters.ekf3 import FLOW_LIMIT_LATER

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.places import DATA
-from viso.comparing.vectors import line_differences
+from viso.compare.vectors import line_differences
 from viso.replay.vectors import VectorError, parse_line, recompute
 
 VECTORS = DATA / "vectors"

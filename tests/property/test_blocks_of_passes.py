@@ -27,14 +27,14 @@ from mav_handlers.wire.messages import (
 )
 from tests.property import test_ekf3_ahrs_machine as machine
 from viso.running.virtual_time import Scheduler
-from viso.sensors.errors import SensorErrors
-from viso.sensors.flight import PASS_US, Basis, Event, Flight, Happening, readings
-from viso.sensors.flown.source import RecordedSource
-from viso.sensors.flying import FlyingSource
-from viso.sensors.hil.source import HilSource
-from viso.sensors.options import ImuOptions
-from viso.sensors.standing import BenchSource
 from viso.vehicle.config import by_ekf3
+from viso.vehicle.sensors.errors import SensorErrors
+from viso.vehicle.sensors.flight import PASS_US, Basis, Event, Flight, Happening, readings
+from viso.vehicle.sensors.flown.source import RecordedSource
+from viso.vehicle.sensors.flying import FlyingSource
+from viso.vehicle.sensors.hil.source import HilSource
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.standing import BenchSource
 
 pytestmark = pytest.mark.slow
 

@@ -46,11 +46,11 @@ from mav_handlers.wire.messages import (
 )
 from tests.places import ROOT
 from viso.logs.sink import MemoryLog
-from viso.sensors.options import ImuOptions
-from viso.sensors.script.script import ScriptSource
-from viso.sensors.script.script_file import parse_script
-from viso.sensors.stream.follow import FollowSource
 from viso.vehicle.config import bench, by_ekf3
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.script.script import ScriptSource
+from viso.vehicle.sensors.script.script_file import parse_script
+from viso.vehicle.sensors.stream.follow import FollowSource
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
 pytestmark = pytest.mark.slow

@@ -77,8 +77,8 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.logs.sink import MemoryLog
-from viso.sensors.options import ImuOptions
-from viso.sensors.standing import BenchSource
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.standing import BenchSource
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
 WRAP_US = (1 << 32) * 1000

@@ -15,10 +15,10 @@ from mav_handlers.wire.codec import Codec
 from tools.bench.odometry import PERIOD_US, odometry_at
 from viso.logs.files import LogStore
 from viso.running.virtual_time import Scheduler
-from viso.sensors.errors import SensorErrors
-from viso.sensors.options import ImuOptions
-from viso.sensors.standing import BenchSource
 from viso.vehicle.config import by_ekf3
+from viso.vehicle.sensors.errors import SensorErrors
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.standing import BenchSource
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 # Until it fuses what it is sent, and for longer.

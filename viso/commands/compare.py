@@ -13,21 +13,21 @@ import typer
 from rich.table import Column, Table
 from rich.text import Text
 
-from viso.comparing.agreement import Comparison
-from viso.comparing.page import FIELDS_HEAD, field_rows, make_page, summary_row
-from viso.comparing.page import HEAD as SUMMARY_HEAD
-from viso.comparing.recordings import compare_recording, compare_with_all, most_like, recordings_in
-from viso.ekf_runs.run import NothingToCompare
+from viso.compare.agreement import Comparison
+from viso.compare.ekf.run import NothingToCompare
+from viso.compare.page import FIELDS_HEAD, field_rows, make_page, summary_row
+from viso.compare.page import HEAD as SUMMARY_HEAD
+from viso.compare.recordings import compare_recording, compare_with_all, most_like, recordings_in
 from viso.errors import InputError, file_errors
 from viso.extras import installed_version
 from viso.files.text_files import write_text
 from viso.firmware.releases import PROFILES, Firmware
-from viso.options.firmware import firmware_of
-from viso.options.outputs import Output
 from viso.recording.driving import MASTER_HELP, record_at
 from viso.recording.outputs import write_recording
 from viso.recording.scenario import read_scenario
 from viso.terminal.console import err, out, progress
+from viso.terminal.firmware import firmware_of
+from viso.terminal.outputs import Output
 from viso.terminal.signals import stop_on_signal
 
 _FINDINGS: Final = 1

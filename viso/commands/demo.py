@@ -13,20 +13,20 @@ from typing import Annotated, Final
 import typer
 from rich.table import Table
 
-from viso.closed_loop.record import LoopRecord
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import STRATEGIES
 from viso.demo import tracking_camera as simulated
+from viso.demo.record import LoopRecord
 from viso.errors import InputError, told_errors
 from viso.extras import pip_install
 from viso.firmware.releases import Firmware
 from viso.logs.files import LogFile, LogStore
-from viso.options.engine import EngineOption, with_engine
-from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
-from viso.options.outputs import Output
 from viso.terminal.console import drawing, err, out, progress, verdict_rows
+from viso.terminal.engine import EngineOption, with_engine
 from viso.terminal.filter_report import aiding_rows, filter_rows, tables_of
+from viso.terminal.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.terminal.outputs import Output
 from viso.terminal.signals import stop_on_signal
 from viso.vehicle.vehicle import Vehicle
 
@@ -89,8 +89,8 @@ def _fly_simulated(seed: int, log_file: LogFile, firmware: Firmware, _choose: Ch
 
 def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware, choose: Choose) -> _Flown:
     # These need OpenCV, without which the rest of the command line works.
-    from viso.closed_loop.figures import figures_of, figures_table
     from viso.demo import odometry as demo_vio
+    from viso.demo.figures import figures_of, figures_table
 
     with told_errors(StrategyNotAvailableError):
         run = demo_vio.VioDemo(seed, lambda: log_file, firmware, choose)
@@ -98,7 +98,7 @@ def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware, choose: Choose) -
         run.run(on_progress, stop)
 
     def save_plot(path: Path) -> None:
-        from viso.closed_loop.plot import save_plot
+        from viso.demo.loop_plot import save_plot
 
         save_plot(run.loop, path)
 

@@ -11,8 +11,7 @@ from typing import Annotated, Final
 import typer
 
 from mav_handlers.links import LINKS, open_link
-from viso.companion.recorded.frame_change import PRESETS as AXES
-from viso.companion.recorded.readers import FORMATS
+from viso.dds.poses import PoseTopic, live_topic_of
 from viso.doctor import Evidence, Finding, GatherOptions, Severity, all_rules, diagnose, gather
 from viso.doctor.live import heard_on_link, heard_on_topic, stream_of_topic
 from viso.doctor.measures.vehicle_data import vehicle_of_log
@@ -22,19 +21,20 @@ from viso.doctor.outputs.terminal import count_text, finding_lines, summary_line
 from viso.errors import InputError
 from viso.extras import installed_version
 from viso.files.text_files import write_text
-from viso.options.ahrs import heading_in_rad
-from viso.options.firmware import RecordedFirmwareOption, firmware_of
-from viso.options.live_topic import DomainOption
-from viso.options.outputs import Output
-from viso.options.presets import PRESET_HELP, preset_files
-from viso.options.settings import load_settings, read_assignment
-from viso.ros2.poses import PoseTopic, live_topic_of
+from viso.geometry.frame_change import PRESETS as AXES
 from viso.streams.heard import firmware_of_recording
+from viso.streams.readers import FORMATS
 from viso.streams.recorded_poses import FORMS_AS_RECORDED, check_form
 from viso.streams.sessions import one_session
 from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_whole_stream
 from viso.streams.trajectory import axes_of
+from viso.terminal.ahrs import heading_in_rad
 from viso.terminal.console import err, out, progress
+from viso.terminal.firmware import RecordedFirmwareOption, firmware_of
+from viso.terminal.live_topic import DomainOption
+from viso.terminal.outputs import Output
+from viso.terminal.presets import PRESET_HELP, preset_files
+from viso.terminal.settings import load_settings, read_assignment
 from viso.terminal.signals import stop_on_signal
 
 EXIT_FINDINGS: Final = 1

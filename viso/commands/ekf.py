@@ -11,17 +11,17 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from viso.ekf_runs import targets as ekf_targets
-from viso.ekf_runs.comparison import Comparison, compare
-from viso.ekf_runs.events import Differences, compare_texts
-from viso.ekf_runs.run import EkfRun
-from viso.ekf_runs.run import until as until_time
+from viso.compare.ekf import targets as ekf_targets
+from viso.compare.ekf.comparison import Comparison, compare
+from viso.compare.ekf.events import Differences, compare_texts
+from viso.compare.ekf.run import EkfRun
+from viso.compare.ekf.run import until as until_time
 from viso.errors import InputError, file_errors
 from viso.files.outputs import check_place
 from viso.firmware.releases import Firmware
-from viso.options.firmware import RecordedFirmwareOption, firmware_of
-from viso.options.outputs import Output
 from viso.terminal.console import err, out, progress
+from viso.terminal.firmware import RecordedFirmwareOption, firmware_of
+from viso.terminal.outputs import Output
 
 _FINDINGS = 1
 

@@ -11,14 +11,14 @@ from rich.console import Console
 from rich.live import Live
 
 from mav_handlers.links import open_link
-from viso.companion.faults import FAULTS, Injector, Timeline, TimelineError, load_timeline, parse_timeline, run_through
-from viso.companion.faults.timeline import MAX_SEED
 from viso.errors import InputError, told_errors
+from viso.faults import FAULTS, Injector, Timeline, TimelineError, load_timeline, parse_timeline, run_through
 from viso.faults.file import check_output, read_recording, write_recording
 from viso.faults.proxy import FaultProxy
 from viso.faults.tables import entry_table, summary_line, tally_as_dict
-from viso.options.outputs import Output
+from viso.faults.timeline import MAX_SEED
 from viso.terminal.console import err, out, progress
+from viso.terminal.outputs import Output
 from viso.terminal.signals import stop_on_signal
 
 LONGEST_S: Final = 4e9

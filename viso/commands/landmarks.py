@@ -16,25 +16,25 @@ import typer
 from rich.console import Console
 
 from mav_handlers.links import open_link
-from viso.companion.landmarks.inputs.files import InputOptions
-from viso.companion.landmarks.local_frame import FrameMode
-from viso.companion.landmarks.palette import Palette
-from viso.companion.landmarks.scene import ESTIMATED_LABEL, ODOMETRY_LABEL
-from viso.companion.landmarks.session import ReceiverWatch, Session, Settings
-from viso.companion.landmarks.synthetic import Planted, SyntheticFlight
-from viso.companion.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap
 from viso.errors import InputError, within
 from viso.extras import pip_install
 from viso.files.outputs import output_file
 from viso.files.text_files import write_text
 from viso.landmarks.camera import KEYS, camera_of
-from viso.landmarks.inputs import STANDARD_INPUT, Merged, is_live
+from viso.landmarks.inputs.files import InputOptions
 from viso.landmarks.live import AircraftSender, Live, standard_lines
+from viso.landmarks.local_frame import FrameMode
+from viso.landmarks.palette import Palette
+from viso.landmarks.recordings import STANDARD_INPUT, Merged, is_live
 from viso.landmarks.report import drops, fit_lines, oddities, refusals, summary_table
 from viso.landmarks.run import Draw, Frames, Run, Sink, csv_sink, json_sink, line_sink
+from viso.landmarks.scene import ESTIMATED_LABEL, ODOMETRY_LABEL
+from viso.landmarks.session import ReceiverWatch, Session, Settings
+from viso.landmarks.synthetic import Planted, SyntheticFlight
+from viso.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap
 from viso.logs.recorded import read_log
-from viso.options.outputs import Output
 from viso.terminal.console import drawing, err, out
+from viso.terminal.outputs import Output
 from viso.terminal.signals import stop_on_signal
 
 LONGEST_S: Final = 4e9
@@ -65,7 +65,7 @@ def _reference(text: str | None) -> GeodeticPoint | None:
 def _draw(palette: Palette, extent_m: float, *, with_sky: bool) -> Draw | None:
     """Return what makes a PNG of a scene; None, and a hint, without matplotlib."""
     with drawing(_PLOT_HINT):
-        from viso.companion.landmarks import picture
+        from viso.landmarks import picture
 
         return lambda scene: picture.png_of(picture.draw(scene, palette, extent_m=extent_m, with_sky=with_sky))
     return None

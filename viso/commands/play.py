@@ -15,21 +15,21 @@ from rich.table import Column, Table
 
 from mav_handlers.links import Link, open_link
 from viso.companion.odometry.encoding import CovarianceEncoding
-from viso.companion.recorded.frame_change import PRESETS, FrameChange, parse_rotation
-from viso.companion.recorded.live import RESET_JUMP_M, LiveOptions, LivePoses
-from viso.companion.recorded.messages import FORMS
-from viso.companion.recorded.player import Playback, Player, RecordedEngine, Text
-from viso.companion.recorded.readers import FORMATS, Source
-from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.companion.sender import OffsetClock
+from viso.dds.poses import SCHEME, PoseTopic, live_topic_of
 from viso.errors import InputError, within
-from viso.options.live_topic import DomainOption
-from viso.options.outputs import Output
-from viso.ros2.poses import SCHEME, PoseTopic, live_topic_of
+from viso.geometry.frame_change import PRESETS, FrameChange, parse_rotation
+from viso.geometry.trajectory import RecordedTrajectory
 from viso.running.bridging import Bridge, delay_lines
 from viso.running.playing import LinkPlay, write_telemetry_log
+from viso.streams.live import RESET_JUMP_M, LiveOptions, LivePoses
+from viso.streams.messages import FORMS
+from viso.streams.player import Playback, Player, RecordedEngine, Text
+from viso.streams.readers import FORMATS, Source
 from viso.streams.trajectory import axes_of, form_of, left_out, load
 from viso.terminal.console import err, out
+from viso.terminal.live_topic import DomainOption
+from viso.terminal.outputs import Output
 from viso.terminal.signals import stop_on_signal
 
 DEFAULT_LINK: Final = "tcp:127.0.0.1:5760"

@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from viso.errors import InputError, file_errors, within
-from viso.options.outputs import Output
 from viso.recording.driving import MASTER_HELP, record_at
 from viso.recording.outputs import version_text, write_recording
 from viso.recording.scenario import SCENARIOS, read_scenario
 from viso.terminal.console import err, out
+from viso.terminal.outputs import Output
 from viso.terminal.signals import stop_on_signal
 
 

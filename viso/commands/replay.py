@@ -11,20 +11,29 @@ from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import typer
 
-from viso.companion.recorded.frame_change import PRESETS as AXES
-from viso.companion.recorded.messages import FORMS
-from viso.companion.recorded.readers import FORMATS
+from viso.compare import versus as versus_runs
+from viso.compare.figures import Judge, Row, timed_places
+from viso.compare.merit import merit_lines, merit_rows, merit_table
+from viso.compare.observability import doubts
+from viso.compare.replays import compare, comparison_rows, comparison_tables, setting_lines
 from viso.doctor.evidence import Assumed
 from viso.doctor.measures.vehicle_position import PositionSeries, position_in
 from viso.doctor.trial_parameters import fitting, vision_carried
 from viso.errors import InputError
-from viso.fates.watch import FilterWatch
 from viso.files.text_files import write_text
 from viso.firmware.flown import notes_on
 from viso.firmware.releases import Firmware
+from viso.geometry.frame_change import PRESETS as AXES
 from viso.logs.recorded import read_columns
 from viso.logs.single import single_log
-from viso.options.ahrs import (
+from viso.replay.feed import ReplayedMessage
+from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay, why_nothing_fused
+from viso.streams.heard import firmware_of_recording, params_heard, params_of_recording
+from viso.streams.messages import FORMS
+from viso.streams.readers import FORMATS
+from viso.streams.stream_kinds import DATAFLASH_LOG, Stream, TrajectoryOptions, kind_of, read_stream
+from viso.terminal import filter_report
+from viso.terminal.ahrs import (
     AhrsChoice,
     AhrsOption,
     HeadingOption,
@@ -34,22 +43,13 @@ from viso.options.ahrs import (
     ahrs_maker,
     of_stream,
 )
-from viso.options.firmware import RecordedFirmwareOption, firmware_of
-from viso.options.outputs import Output
-from viso.options.presets import PRESET_HELP, preset_files
-from viso.options.settings import first_of, load_settings, needing_reboot, parse_assignments
-from viso.replay import versus as versus_runs
-from viso.replay.comparison import compare, comparison_rows, comparison_tables, setting_lines
-from viso.replay.feed import ReplayedMessage
-from viso.replay.figures import Judge, Row, timed_places
-from viso.replay.merit import merit_lines, merit_rows, merit_table
-from viso.replay.observability import doubts
-from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay, why_nothing_fused
-from viso.sensors.inertial_sources import FLOWN
-from viso.streams.heard import firmware_of_recording, params_heard, params_of_recording
-from viso.streams.stream_kinds import DATAFLASH_LOG, Stream, TrajectoryOptions, kind_of, read_stream
-from viso.terminal import filter_report
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
+from viso.terminal.firmware import RecordedFirmwareOption, firmware_of
+from viso.terminal.outputs import Output
+from viso.terminal.presets import PRESET_HELP, preset_files
+from viso.terminal.settings import first_of, load_settings, needing_reboot, parse_assignments
+from viso.vehicle.outcomes.watch import FilterWatch
+from viso.vehicle.sensors.inertial_sources import FLOWN
 from viso.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ from viso.extras import installed_version, pip_install
 from viso.files.outputs import output_file, refuse_input
 from viso.firmware.flown import notes_on, profile_for
 from viso.firmware.releases import Firmware
-from viso.options.firmware import RecordedFirmwareOption, firmware_of
-from viso.options.outputs import Output
 from viso.report.exports import csv_text, mcap_bytes, trajectories, tum_text
 from viso.report.facts import Facts, facts_of
 from viso.report.flight_data import Material, read_material
 from viso.report.summary import Summary, summarise
 from viso.terminal.console import err, out, progress
+from viso.terminal.firmware import RecordedFirmwareOption, firmware_of
+from viso.terminal.outputs import Output
 
 _MISSING_EXTRA: Final = f"figures are drawn with matplotlib; install it with: {pip_install('plot')}"
 _PDF: Final = ".pdf"

@@ -14,12 +14,17 @@ import typer
 
 from mav_handlers.channel import CountKey
 from mav_handlers.links import Link, is_open_to_network, open_link
+from viso.dds.graph import check_domain, require_cyclonedds
 from viso.errors import InputError, file_errors
 from viso.files.key_store import FileKeyStore
 from viso.files.outputs import growing_file, refuse_input
 from viso.firmware.releases import PROFILES, Firmware
 from viso.logs.files import LogStore
-from viso.options.ahrs import (
+from viso.parameters.releases import MAX_LINKS
+from viso.parameters.store import ParamStore
+from viso.running.power import Port, PoweredVehicle
+from viso.running.real_time import Pacer
+from viso.terminal.ahrs import (
     AhrsChoice,
     AhrsOption,
     HeadingOption,
@@ -28,25 +33,20 @@ from viso.options.ahrs import (
     ImuSeedOption,
     ahrs_maker,
 )
-from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
-from viso.options.message_intervals import load_message_intervals
-from viso.options.outputs import Output
-from viso.options.presets import PRESET_HELP, preset_files
-from viso.options.settings import load_settings
-from viso.parameters.releases import MAX_LINKS
-from viso.parameters.store import ParamStore
-from viso.ros2.graph import check_domain, require_cyclonedds
-from viso.running.power import Port, PoweredVehicle
-from viso.running.real_time import Pacer
-from viso.sensors.inertial_sources import wants_vicon
 from viso.terminal.console import err, out, verdict_rows
 from viso.terminal.filter_report import filter_rows, tables_of
+from viso.terminal.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.terminal.line_writer import LineWriter
 from viso.terminal.live_counts import REFRESH_US, LiveCounts
 from viso.terminal.live_report import LiveReport
 from viso.terminal.long_lived import long_lived
+from viso.terminal.message_intervals import load_message_intervals
+from viso.terminal.outputs import Output
+from viso.terminal.presets import PRESET_HELP, preset_files
+from viso.terminal.settings import load_settings
 from viso.terminal.signals import stop_on_signal
 from viso.terminal.verdict_stream import VerdictFormat, VerdictStream
+from viso.vehicle.sensors.inertial_sources import wants_vicon
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:

@@ -10,17 +10,13 @@ from typing import Annotated, Any, Final
 import typer
 
 from ekf_stub.core.buffers import MAX_DELAY_MS
-from viso.companion.recorded.frame_change import PRESETS as AXES
-from viso.companion.recorded.messages import FORMS
-from viso.companion.recorded.readers import FORMATS
+from viso.compare.figures import BY_TIME, OBJECTIVES
+from viso.compare.observability import doubts
 from viso.errors import InputError
 from viso.firmware.releases import PROFILES
-from viso.options.ahrs import HeadingOption, ImuErrorOption
-from viso.options.outputs import Output
-from viso.options.presets import PRESET_HELP
-from viso.replay.figures import BY_TIME, OBJECTIVES
-from viso.replay.observability import doubts
-from viso.sensors.inertial_sources import IMU_HELP
+from viso.geometry.frame_change import PRESETS as AXES
+from viso.streams.messages import FORMS
+from viso.streams.readers import FORMATS
 from viso.sweep.cluster import run_on_cluster
 from viso.sweep.job import Result, run_point
 from viso.sweep.plan import FOLLOW, SAMPLINGS, Point, SweepPlan
@@ -29,7 +25,11 @@ from viso.sweep.processes import default_jobs, run_in_processes
 from viso.sweep.request import NO_FAULTS, Wishes, read_wishes
 from viso.sweep.result_tables import best_as_dict, best_lines, found, result_table, swept_axis
 from viso.sweep.store import PLOT, SweepFolder, check_tables, table_rows
+from viso.terminal.ahrs import HeadingOption, ImuErrorOption
 from viso.terminal.console import PLOT_HINT, drawing, err, out, progress
+from viso.terminal.outputs import Output
+from viso.terminal.presets import PRESET_HELP
+from viso.vehicle.sensors.inertial_sources import IMU_HELP
 
 _FINDINGS: Final = 1
 _NAMED: Final = 5

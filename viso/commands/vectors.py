@@ -14,10 +14,10 @@ import typer
 from ap_visualodom.release import VisualOdomRelease
 from viso.errors import InputError
 from viso.files.text_files import read_lines, write_text
-from viso.options.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
-from viso.options.outputs import Output
 from viso.replay.vectors import VectorError, parse_line, recompute
 from viso.terminal.console import progress
+from viso.terminal.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.terminal.outputs import Output
 
 
 def _recomputed(paths: list[Path], release: VisualOdomRelease) -> Iterator[object]:

@@ -12,6 +12,10 @@ import typer
 from rich.console import Console
 from rich.live import Live
 
+from viso.commands.vio_inputs import configured, known_truth, opened, rotation_of
+from viso.companion.run.log import VioLog, tum_lines
+from viso.companion.run.session import VioSession, event_logger
+from viso.companion.run.tables import live_table, summary_table
 from viso.companion.sources.base import Recording, SourceOptions
 from viso.companion.sources.camera import LiveCamera
 from viso.companion.sources.kinds import SOURCES
@@ -20,14 +24,10 @@ from viso.companion.vio.registry import STRATEGIES
 from viso.companion.vio.types import VioState
 from viso.errors import InputError, within
 from viso.files.text_files import write_text
-from viso.options.engine import EngineOption
-from viso.options.outputs import Output
 from viso.terminal.console import drawing, err, out
+from viso.terminal.engine import EngineOption
+from viso.terminal.outputs import Output
 from viso.terminal.signals import stop_on_signal
-from viso.vio.inputs import configured, known_truth, opened, rotation_of
-from viso.vio.log import VioLog, tum_lines
-from viso.vio.session import VioSession, event_logger
-from viso.vio.tables import live_table, summary_table
 
 LONGEST_S: Final = 4e9
 _LOST: Final = 1
@@ -156,7 +156,7 @@ def _title(summary: Mapping[str, Any]) -> str:
 
 def _save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *, aligned: bool) -> Path | None:
     with drawing():
-        from viso.vio.plot import save_plot
+        from viso.companion.run.plot import save_plot
 
         save_plot(log, truth, title, path, aligned=aligned)
         return path

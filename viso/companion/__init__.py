@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     )
     from viso.companion.vio.health import FrameFacts, Growth
     from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy
-    from viso.companion.vio.se3 import SE3
     from viso.companion.vio.strategy import FrameReport, StrategyBase, StrategyContext
     from viso.companion.vio.types import (
         CameraCalibration,
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
         VioState,
         WarmStartPose,
     )
+    from viso.geometry.se3 import SE3
 
 __all__ = [
     "SE3",

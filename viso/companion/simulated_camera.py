@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mav_handlers.wire.messages import ODOMETRY
-from viso.companion.faults.poses import Quat, inverse, product, quat_from_euler, yaw_quat
 from viso.companion.odometry.message import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
 from viso.companion.sender import OffsetClock
 from viso.companion.trials.scripted_flight import Flight, Vector
+from viso.geometry.tuples import Quat, inverse, product, quat_from_euler, yaw_quat
 
 
 @dataclass(frozen=True, slots=True)

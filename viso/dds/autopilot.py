@@ -11,10 +11,10 @@ from mav_handlers.channel import CountKey
 from mav_handlers.dds import Transform, receive_transforms
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.verdicts import HANDLED, TF_UNREADABLE
+from viso.dds.graph import LATCHED, SENSOR_DATA, Participant, Reader
+from viso.dds.messages import TFMessage, TransformStamped
 from viso.dds.services import SERVICES
 from viso.dds.topics import STATIC_TF, TOPICS, static_transforms
-from viso.ros2.graph import LATCHED, SENSOR_DATA, Participant, Reader
-from viso.ros2.messages import TFMessage, TransformStamped
 from viso.vehicle.vehicle import Vehicle
 
 TF: Final = "/ap/tf"

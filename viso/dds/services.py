@@ -8,7 +8,7 @@ Source: AP_DDS/AP_DDS_Service_Table.h, AP_DDS/AP_DDS_Client.cpp, on_request.
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
-from viso.ros2 import messages as ros
+from viso.dds import messages as ros
 from viso.vehicle.copter.arming import ArmMethod
 from viso.vehicle.copter.modes import ModeReason
 from viso.vehicle.vehicle import Vehicle

@@ -14,8 +14,8 @@ from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from mav_handlers.senders.inertial import accel_mss
-from viso.ros2 import messages as ros
-from viso.ros2.graph import LATCHED, SENSOR_DATA, Qos
+from viso.dds import messages as ros
+from viso.dds.graph import LATCHED, SENSOR_DATA, Qos
 from viso.vehicle.vehicle import Vehicle
 
 BASE_LINK: Final = "base_link"

@@ -6,9 +6,9 @@ import dataclasses
 from collections.abc import Callable
 from typing import Final
 
-from viso.closed_loop.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, CompanionLoop, LoopSetup
 from viso.companion.vio.config import VioConfig
 from viso.companion.world.ground import generate_texture
+from viso.demo.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, CompanionLoop, LoopSetup
 from viso.demo.survey_flight import SurveyPlan, survey_flight
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.sink import LogSink

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 
 from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
-from viso.closed_loop.record import Estimate
+from viso.demo.record import Estimate
 from viso.demo.tracking_camera import END_S, FAULTS, FLIGHT, DemoResult
 from viso.estimators.series import spans_of
-from viso.fates.labels import Fate, fate_of
 from viso.files.outputs import output_file
+from viso.vehicle.outcomes.labels import Fate, fate_of
 
 _TRUTH: Final = "0.45"
 _GIVEN: Final = "#1f77b4"

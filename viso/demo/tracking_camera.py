@@ -11,21 +11,21 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_visualodom.log_structure import VISP
 from ekf_stub.core.samples import HALF_FILTER_STEP_MS
-from viso.closed_loop.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, VehicleLoop
-from viso.closed_loop.record import LoopRecord
 from viso.companion.sender import Companion, OffsetClock
 from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
 from viso.companion.trials.scripted_flight import Flight, Vector
-from viso.fates.watch import AidingSpan
+from viso.demo.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, VehicleLoop
+from viso.demo.record import LoopRecord
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.sink import LogSink
-from viso.sensors.errors import SensorErrors
-from viso.sensors.options import ImuOptions
-from viso.sensors.script.legs import Motion, Trajectory
-from viso.sensors.script.script import ScriptSource
-from viso.sensors.script.script_file import Script
-from viso.sensors.vectors import Three
 from viso.vehicle.config import by_ekf3
+from viso.vehicle.outcomes.watch import AidingSpan
+from viso.vehicle.sensors.errors import SensorErrors
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.script.legs import Motion, Trajectory
+from viso.vehicle.sensors.script.script import ScriptSource
+from viso.vehicle.sensors.script.script_file import Script
+from viso.vehicle.sensors.vectors import Three
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
 HEADING_RAD: Final = math.radians(30)

@@ -17,10 +17,10 @@ from viso.doctor.measures.refused_frames import FrameKind
 from viso.doctor.measures.tracks import Poses, SeenMessage, Track, Velocities
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
 from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
-from viso.fates.watch import AidingSpan, Innovations
 from viso.firmware.flown import FlownVersion
 from viso.firmware.releases import Firmware
 from viso.streams.stream_kinds import Aspect
+from viso.vehicle.outcomes.watch import AidingSpan, Innovations
 
 __all__ = ["EXTNAV", "Assumed", "Evidence", "SeenMessage"]
 

@@ -30,16 +30,16 @@ from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
 from viso.doctor.outputs.phrases import at
 from viso.doctor.trial_parameters import VISION_NAMES, Settled, settle
 from viso.errors import InputError
-from viso.fates.watch import AidingSpan, FilterWatch, Innovations
 from viso.firmware.flown import notes_on
 from viso.firmware.releases import Firmware
 from viso.replay.feed import Replay, ReplayedMessage
-from viso.sensors.options import ImuOptions
-from viso.sensors.stream.follow import FollowSource
 from viso.streams.heard import firmware_of_recording
 from viso.streams.stream import message_id_of, received_in, timed_frames
 from viso.streams.stream_kinds import Aspect, Stream
 from viso.vehicle.config import by_ekf3
+from viso.vehicle.outcomes.watch import AidingSpan, FilterWatch, Innovations
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.stream.follow import FollowSource
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 _TURNING_RAD: Final = 0.05  # a second

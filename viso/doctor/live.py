@@ -9,10 +9,10 @@ from typing import Final
 
 from mav_handlers.links import Link, wait_readable
 from mav_handlers.wire.codec import Codec, Received
-from viso.companion.recorded.bag_formats import collect
-from viso.companion.recorded.records import TrajectoryError
+from viso.dds.poses import SCHEME, Heard, PoseTopic
 from viso.errors import InputError, told_errors
-from viso.ros2.poses import SCHEME, Heard, PoseTopic
+from viso.geometry.records import TrajectoryError
+from viso.streams.bag_formats import collect
 from viso.streams.heard import version_heard
 from viso.streams.recorded_poses import as_recorded
 from viso.streams.stream_kinds import Stream, StreamMessage

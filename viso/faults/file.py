@@ -10,8 +10,8 @@ from typing import Final
 
 from mav_handlers.links import TlogError, TlogWriter, read_tlog
 from mav_handlers.links.tlog import STX_V1, STX_V2, YEAR_2000_US
-from viso.companion.faults import TimedFrame
 from viso.errors import InputError, told_errors
+from viso.faults import TimedFrame
 from viso.files.outputs import output_file
 from viso.files.text_files import write_text
 from viso.streams.stream import timed_frames

@@ -8,8 +8,8 @@ from typing import Final
 
 from mav_handlers.links import wait_readable
 from mav_handlers.links.base import Link
-from viso.companion.faults import Injector
-from viso.companion.faults.packet import FrameSplitter
+from viso.faults import Injector
+from viso.faults.packet import FrameSplitter
 
 LONGEST_WAIT_S: Final = 0.05
 """How long to wait at once, so that a signal is heeded soon."""

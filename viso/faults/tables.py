@@ -6,7 +6,7 @@ import math
 
 from rich.table import Column, Table
 
-from viso.companion.faults import Entry, Tally
+from viso.faults import Entry, Tally
 
 
 def when(entry: Entry) -> str:

@@ -10,11 +10,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from viso.companion.landmarks.inputs.json_lines import JsonReader
-from viso.companion.landmarks.types import Camera, CameraInfo
 from viso.documents import parsed_json, parsed_toml
 from viso.errors import InputError
 from viso.files.text_files import read_text
+from viso.landmarks.inputs.json_lines import JsonReader
+from viso.landmarks.types import Camera, CameraInfo
 
 INTRINSICS: Final = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
 _DEG: Final = "_deg"

@@ -16,19 +16,19 @@ from typing import Any, Final, Generic, TypeVar
 from mav_handlers.links import open_link
 from mav_handlers.links.base import Link
 from mav_handlers.wire.codec import Codec
-from viso.companion.landmarks.adsb_vehicle import to_message
-from viso.companion.landmarks.inputs.base import FileReader, InputFileError, LineReader
-from viso.companion.landmarks.inputs.dump1090 import Dump1090Reader
-from viso.companion.landmarks.inputs.files import InputOptions, open_file
-from viso.companion.landmarks.inputs.lines import LineSplitter, TextFile
-from viso.companion.landmarks.inputs.sbs1 import Sbs1Reader
-from viso.companion.landmarks.inputs.vehicle import MavlinkStream
-from viso.companion.landmarks.types import AircraftReport, Event
 from viso.companion.odometry.inbound import stream_requests
 from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US
 from viso.documents import parsed_json
 from viso.errors import InputError
-from viso.landmarks.inputs import SBS_SCHEME, STANDARD_INPUT, AnyLines, is_live
+from viso.landmarks.adsb_vehicle import to_message
+from viso.landmarks.inputs.base import FileReader, InputFileError, LineReader
+from viso.landmarks.inputs.dump1090 import Dump1090Reader
+from viso.landmarks.inputs.files import InputOptions, open_file
+from viso.landmarks.inputs.lines import LineSplitter, TextFile
+from viso.landmarks.inputs.sbs1 import Sbs1Reader
+from viso.landmarks.inputs.vehicle import MavlinkStream
+from viso.landmarks.recordings import SBS_SCHEME, STANDARD_INPUT, AnyLines, is_live
+from viso.landmarks.types import AircraftReport, Event
 
 NOW_S: Final = time.time
 """Arrivals are by the time of day, which receivers of ADS-B and telemetry logs have as well."""

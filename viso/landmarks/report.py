@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from rich.table import Column, Table
 
-from viso.companion.landmarks.fit import PoseErrors
-from viso.companion.landmarks.residuals import Innovation, InnovationStatistics, Summary
-from viso.companion.landmarks.scene import Scene
+from viso.landmarks.fit import PoseErrors
+from viso.landmarks.residuals import Innovation, InnovationStatistics, Summary
+from viso.landmarks.scene import Scene
 
 MOST_ROWS: Final = 20
 """Of single landmarks or aircraft in a table; machines get all."""

@@ -9,15 +9,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, TextIO
 
-from viso.companion.landmarks.aircraft import state_vectors_record
-from viso.companion.landmarks.fit import PoseErrors, fit_pose_errors
-from viso.companion.landmarks.residuals import Residuals, Summary, summarise
-from viso.companion.landmarks.scene import Scene
-from viso.companion.landmarks.session import MOST_PICTURES, PICTURE_PERIOD_S, ReceiverWatch, Session
-from viso.companion.landmarks.types import Event
 from viso.errors import file_errors
 from viso.files.outputs import output_file
+from viso.landmarks.aircraft import state_vectors_record
+from viso.landmarks.fit import PoseErrors, fit_pose_errors
 from viso.landmarks.report import CSV_COLUMNS, csv_rows, errors_row, live_line, scene_row, summary_row
+from viso.landmarks.residuals import Residuals, Summary, summarise
+from viso.landmarks.scene import Scene
+from viso.landmarks.session import MOST_PICTURES, PICTURE_PERIOD_S, ReceiverWatch, Session
+from viso.landmarks.types import Event
 
 LINE_PERIOD_S: Final = 1.0
 _ROUNDING_S: Final = 1e-6

@@ -14,13 +14,13 @@ from mav_handlers.links.base import Link
 from viso.errors import InputError
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.files import LogStore
-from viso.options.ahrs import AhrsChoice, ahrs_maker
-from viso.options.firmware import firmware_of
 from viso.recording.recorder import Recorder, Recording
 from viso.recording.scenario import Scenario
 from viso.running.playing import LONGEST_WAIT_S
 from viso.running.power import Port, PoweredVehicle
 from viso.running.virtual_time import Scheduler
+from viso.terminal.ahrs import AhrsChoice, ahrs_maker
+from viso.terminal.firmware import firmware_of
 from viso.vehicle.vehicle import LOOP_PERIOD_US, VehicleConfig
 
 VISO: Final = "viso"

@@ -36,13 +36,13 @@ from mav_handlers.wire.messages import (
     TIMESYNC,
     Message,
 )
-from viso.companion.recorded.player import TextPieces
 from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.recording.clock import RATE_SPAN_US, AutopilotClock
 from viso.recording.log_download import LogPieces
 from viso.recording.scenario import Ask, Change, Dropout, Jump, Pause, Scenario, Send, Set, Start, Step, Until
 from viso.recording.vision import Pose, VisionStream
 from viso.streams.heard import is_autopilot
+from viso.streams.player import TextPieces
 
 T = TypeVar("T")
 Task = Generator[int, None, T]

@@ -18,12 +18,12 @@ from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.handlers.vision import odometry_frames_accepted
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ODOMETRY
-from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
-from viso.fates.watch import FilterWatch
 from viso.files.float_bits import json_value
 from viso.running.virtual_time import Scheduler
 from viso.streams.stream import LONGEST_SILENCE_US
 from viso.streams.stream_kinds import Stream, StreamMessage
+from viso.vehicle.outcomes.samples import FATE_WAIT_US, HandedSample, SampleFates
+from viso.vehicle.outcomes.watch import FilterWatch
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
 
 _VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRUCTURE_FROM_VISUALODOM)

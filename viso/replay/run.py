@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
-from viso.companion.faults.poses import VISION_NAMES
-from viso.fates.labels import Fate, FilterCounts, fate_of, final_counts, what_became
-from viso.fates.watch import AidingSpan, FilterWatch, Innovations
+from viso.faults.poses import VISION_NAMES
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.sink import LogSink
 from viso.replay.feed import Replay, ReplayedMessage
 from viso.streams.stream_kinds import Stream
 from viso.terminal.console import VerdictCounts, reason_of
+from viso.vehicle.outcomes.labels import Fate, FilterCounts, fate_of, final_counts, what_became
+from viso.vehicle.outcomes.watch import AidingSpan, FilterWatch, Innovations
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 

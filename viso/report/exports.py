@@ -16,13 +16,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from viso.companion.recorded.bag_formats import MISSING_EXTRA
-from viso.companion.recorded.frame_change import axes_matrix
-from viso.companion.vio.se3 import quat_wxyz_from_rotation
 from viso.errors import InputError
 from viso.estimators.series import Array
+from viso.geometry.frame_change import axes_matrix
+from viso.geometry.se3 import quat_wxyz_from_rotation
 from viso.report.agreement import Poses, ekf_poses, interpolated, lag_ms, rotations, vision_poses
 from viso.report.flight_data import Material, position_moves
+from viso.streams.bag_formats import MISSING_EXTRA
 
 VISION_TOPIC: Final = "/vision/pose"
 EKF_TOPIC: Final = "/ekf/odometry"

@@ -14,11 +14,11 @@ from mav_handlers.links.base import Link, Readable
 from viso.companion.odometry.clock_sync import ClockSync
 from viso.companion.odometry.inbound import FcInbound
 from viso.companion.odometry.sender import OdometrySender
-from viso.companion.recorded.live import LivePoses
-from viso.companion.recorded.player import Text, TextPieces
 from viso.companion.vio.config import OdometryConfig
-from viso.ros2.poses import Heard, PoseTopic
+from viso.dds.poses import Heard, PoseTopic
 from viso.running.playing import LONGEST_WAIT_S
+from viso.streams.live import LivePoses
+from viso.streams.player import Text, TextPieces
 
 SILENT_NS: Final = 3_000_000_000
 GONE_NS: Final = 1_000_000_000

@@ -10,9 +10,9 @@ from typing import Final
 from mav_handlers.links import TlogWriter, wait_readable
 from mav_handlers.links.base import Link
 from mav_handlers.links.tlog import YEAR_2000_US, YEAR_2100_US
-from viso.companion.recorded.player import Player, Text
 from viso.companion.sender import HEARTBEAT_PERIOD_US
 from viso.files.outputs import output_file
+from viso.streams.player import Player, Text
 
 LONGEST_WAIT_S: Final = 0.1
 """How long to wait at once, so that a signal is heeded soon."""

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mav_handlers.wire.codec import Codec
-from viso.companion.recorded.messages import FORMS, Report
-from viso.companion.recorded.readers import Source, load_records
-from viso.companion.recorded.recorded_trajectory import Pose
-from viso.companion.recorded.records import Records, TrajectoryError
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
-from viso.companion.vio.se3 import Array, quat_wxyz_from_rotation
 from viso.errors import InputError, told_errors
 from viso.estimators import quaternion_arrays as quaternion
+from viso.geometry.records import Records, TrajectoryError
+from viso.geometry.se3 import Array, quat_wxyz_from_rotation
+from viso.geometry.trajectory import Pose
+from viso.streams.messages import FORMS, Report
+from viso.streams.readers import Source, load_records
 from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
 from viso.streams.trajectory import TrajectoryOptions, axes_of
 

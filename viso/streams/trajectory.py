@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from viso.companion.recorded.frame_change import FrameChange, parse_axes
-from viso.companion.recorded.messages import FORMS, Form
-from viso.companion.recorded.player import Playback, Player, RecordedEngine
-from viso.companion.recorded.readers import Source, load_trajectory
-from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
-from viso.companion.recorded.records import TrajectoryError
-from viso.companion.vio.se3 import Array
 from viso.errors import InputError, told_errors, within
+from viso.geometry.frame_change import FrameChange, parse_axes
+from viso.geometry.records import TrajectoryError
+from viso.geometry.se3 import Array
+from viso.geometry.trajectory import RecordedTrajectory
+from viso.streams.messages import FORMS, Form
+from viso.streams.player import Playback, Player, RecordedEngine
+from viso.streams.readers import Source, load_trajectory
 from viso.streams.stream import LONGEST_SILENCE_US, Stream, StreamMessage
 
 LONGEST_GAP_S = 1.0

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from viso.replay.figures import LOWER_IS_BETTER
-from viso.replay.significance import surplus
+from viso.compare.figures import LOWER_IS_BETTER
+from viso.compare.significance import surplus
 
 RESOLUTIONS: Final[Mapping[str, float]] = {"VISO_DELAY_MS": 12.5}
 """What the filter cannot tell apart whatever the samples say: a step of it, in ms."""

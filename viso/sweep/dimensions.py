@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from ap_core.param import ParamTable, ParamType
 from viso.errors import InputError
-from viso.options.settings import parse_assignment
+from viso.terminal.settings import parse_assignment
 
 MOST_VALUES: Final = 100_000
 """Of one axis; more are taken for a mistake."""

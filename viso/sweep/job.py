@@ -14,18 +14,16 @@ import yaml
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
-from viso.companion.faults import Timeline, TimelineError, inject, parse_timeline
-from viso.companion.recorded.readers import Source
 from viso.companion.trials.evaluation import TimedPoses
+from viso.compare.figures import Judge, Row
 from viso.documents import parsed_yaml
 from viso.errors import InputError, told_errors
 from viso.extras import installed_version
+from viso.faults import Timeline, TimelineError, inject, parse_timeline
 from viso.firmware.releases import PROFILES
 from viso.logs.recorded import read_recorded_states
-from viso.options.ahrs import AhrsChoice, ahrs_maker, imu_options
-from viso.replay.figures import Judge, Row
 from viso.replay.run import ReplaySetup, run_replay
-from viso.sensors.inertial_sources import read_source
+from viso.streams.readers import Source
 from viso.streams.stream import timed_frames
 from viso.streams.stream_kinds import (
     DATAFLASH_LOG,
@@ -40,7 +38,9 @@ from viso.streams.stream_kinds import (
 from viso.streams.trajectory import load
 from viso.sweep.dimensions import fault_field
 from viso.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input_file
+from viso.terminal.ahrs import AhrsChoice, ahrs_maker, imu_options
 from viso.vehicle.config import by_ekf3
+from viso.vehicle.sensors.inertial_sources import read_source
 
 _KEPT: Final = 4
 """How many files of a kind a process remembers."""

@@ -14,9 +14,9 @@ import numpy as np
 
 from viso.errors import InputError, file_errors
 from viso.extras import pip_install
-from viso.sensors.flight import Basis
 from viso.streams.stream_kinds import TrajectoryOptions
 from viso.sweep.dimensions import Axis
+from viso.vehicle.sensors.flight import Basis
 
 FOLLOW: Final = "follow"
 RANDOM: Final = "random"

@@ -10,26 +10,26 @@ from typing import Final
 
 import yaml
 
-from viso.companion.faults import TimelineError, parse_timeline
-from viso.companion.faults.timeline import MAX_SEED
 from viso.documents import parsed_yaml
 from viso.errors import InputError, told_errors
 from viso.extras import installed_version
+from viso.faults import TimelineError, parse_timeline
+from viso.faults.timeline import MAX_SEED
 from viso.files.text_files import read_text
 from viso.firmware.releases import REFERENCE, Firmware
-from viso.options.ahrs import AhrsChoice, imu_options, of_stream
-from viso.options.firmware import firmware_of
-from viso.options.presets import preset_files
-from viso.options.settings import known_parameters, load_settings, parse_assignments
-from viso.sensors.flight import Basis
-from viso.sensors.flown.source import read_flight
-from viso.sensors.inertial_sources import FLOWN
-from viso.sensors.script.script_file import EXAMPLES
 from viso.streams.stream_kinds import DATAFLASH_LOG, STREAM_KINDS, TrajectoryOptions, kind_of
 from viso.sweep.dimensions import Axis, fault_field, parse_axes, values_of
 from viso.sweep.job import timeline_of
 from viso.sweep.plan import FOLLOW, SAMPLINGS, Faults, Recorded, Sampling, SweepPlan, check_plan, input_file
 from viso.sweep.request import NO_FAULTS, Wishes
+from viso.terminal.ahrs import AhrsChoice, imu_options, of_stream
+from viso.terminal.firmware import firmware_of
+from viso.terminal.presets import preset_files
+from viso.terminal.settings import known_parameters, load_settings, parse_assignments
+from viso.vehicle.sensors.flight import Basis
+from viso.vehicle.sensors.flown.source import read_flight
+from viso.vehicle.sensors.inertial_sources import FLOWN
+from viso.vehicle.sensors.script.script_file import EXAMPLES
 
 _NAME: Final = "{name}"
 _CAPTURE: Final = "capture"

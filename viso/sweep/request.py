@@ -10,7 +10,7 @@ from typing import Any, Final
 from viso.documents import parsed_toml
 from viso.errors import InputError
 from viso.files.text_files import read_text
-from viso.sensors.script.script_file import EXAMPLES
+from viso.vehicle.sensors.script.script_file import EXAMPLES
 
 NO_FAULTS: Final = "none"
 

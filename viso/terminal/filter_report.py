@@ -9,9 +9,9 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from ekf_stub.reports.aiding_mode import AidingMode
-from viso.fates.labels import Fate, FilterCounts, basis, fate_of, final_counts, is_model, why
-from viso.fates.watch import UNITS, AidingSpan, Innovations
 from viso.terminal.console import VerdictCounts, verdict_table
+from viso.vehicle.outcomes.labels import Fate, FilterCounts, basis, fate_of, final_counts, is_model, why
+from viso.vehicle.outcomes.watch import UNITS, AidingSpan, Innovations
 
 _STYLES: Final = {
     Fate.FUSED: "green",

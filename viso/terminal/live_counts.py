@@ -8,9 +8,9 @@ from typing import Final, Self
 from rich.console import Console, Group
 from rich.live import Live
 
-from viso.fates.labels import FilterCounts
 from viso.terminal.console import VerdictCounts
 from viso.terminal.filter_report import tables_of
+from viso.vehicle.outcomes.labels import FilterCounts
 
 REFRESH_US: Final = 250_000
 

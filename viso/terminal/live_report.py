@@ -12,7 +12,7 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
-from viso.fates.labels import Fate, basis, fate_of, is_final, sentence
+from viso.vehicle.outcomes.labels import Fate, basis, fate_of, is_final, sentence
 from viso.vehicle.vehicle import Vehicle
 
 OnMessage = Callable[[str, MessageEvent], None]

@@ -12,8 +12,8 @@ from typing import Final
 
 from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
-from viso.fates.labels import Fate, as_dict, fate_of, is_final, is_model, sentence
 from viso.terminal.line_writer import LineWriter
+from viso.vehicle.outcomes.labels import Fate, as_dict, fate_of, is_final, is_model, sentence
 
 
 class VerdictFormat(StrEnum):

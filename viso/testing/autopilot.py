@@ -10,10 +10,8 @@ from typing import TypeVar
 
 from ap_core.verdict import Outcome
 from mav_handlers.wire.messages import Message
-from viso.fates.watch import FilterWatch
 from viso.files.outputs import replace_file
 from viso.firmware.releases import PROFILES
-from viso.sensors.motion import Truth
 from viso.testing import claims, flights
 from viso.testing.booted import booted_vehicle
 from viso.testing.golden import GoldenFiles
@@ -22,6 +20,8 @@ from viso.testing.observer import VISION_RECORDS, Observer
 from viso.testing.options import AutopilotOptions
 from viso.testing.params import LiveParams
 from viso.testing.sender import Sender
+from viso.vehicle.outcomes.watch import FilterWatch
+from viso.vehicle.sensors.motion import Truth
 from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 __tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is

@@ -13,10 +13,10 @@ from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.endpoint import UNKNOWN_NAME
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import Message
-from viso.companion.faults.poses import VISION_NAMES
-from viso.fates.labels import Fate
-from viso.fates.watch import UNITS
+from viso.faults.poses import VISION_NAMES
 from viso.testing.observations import MessageVerdict, StatusText
+from viso.vehicle.outcomes.labels import Fate
+from viso.vehicle.outcomes.watch import UNITS
 
 __tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
 

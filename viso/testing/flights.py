@@ -14,8 +14,8 @@ from mav_handlers.wire.messages import (
     SET_POSITION_TARGET_LOCAL_NED,
     Message,
 )
-from viso.sensors.motion import Truth
 from viso.testing.observations import StatusText
+from viso.vehicle.sensors.motion import Truth
 from viso.vehicle.vehicle import Vehicle
 
 __tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is

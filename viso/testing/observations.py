@@ -9,8 +9,8 @@ from typing import NamedTuple
 from ap_core.log_field import LogValue
 from ap_core.verdict import Outcome
 from mav_handlers.wire.messages import Message
-from viso.fates.labels import Fate, fate_of
-from viso.fates.samples import HandedSample
+from viso.vehicle.outcomes.labels import Fate, fate_of
+from viso.vehicle.outcomes.samples import HandedSample
 
 
 class StatusText(NamedTuple):

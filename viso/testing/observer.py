@@ -12,11 +12,11 @@ from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import Message
-from viso.fates.samples import FATE_WAIT_US, HandedSample, SampleFates
-from viso.fates.watch import FilterWatch
-from viso.sensors.airframe import AirframeState
 from viso.streams.stream import StreamMessage
 from viso.testing.observations import MessageVerdict, Record, StatusText
+from viso.vehicle.outcomes.samples import FATE_WAIT_US, HandedSample, SampleFates
+from viso.vehicle.outcomes.watch import FilterWatch
+from viso.vehicle.sensors.airframe import AirframeState
 from viso.vehicle.vehicle import Vehicle
 
 VISION_RECORDS: Final = tuple(structure.name for structure in LOG_STRUCTURE_FROM_VISUALODOM)

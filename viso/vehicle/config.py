@@ -15,9 +15,9 @@ from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.files import LogStore
 from viso.logs.sink import LogSink
 from viso.parameters.memory import MemoryParamStore, StoredParams
-from viso.sensors.options import ImuOptions
-from viso.sensors.source import VehicleSource
-from viso.sensors.standing import BenchSource
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import VehicleSource
+from viso.vehicle.sensors.standing import BenchSource
 
 
 def by_ekf3(

@@ -37,9 +37,6 @@ from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
 from viso.parameters.conversion import carry_over
 from viso.parameters.left_out import left_out
 from viso.parameters.table import make_groups
-from viso.sensors.flight import Event, Happening
-from viso.sensors.options import ImuOptions
-from viso.sensors.source import VehicleSource
 from viso.vehicle.banner import banner
 from viso.vehicle.config import VehicleConfig, bench
 from viso.vehicle.copter.copter import Copter
@@ -50,6 +47,9 @@ from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
 from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
 from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, MavlinkRanges
 from viso.vehicle.rtc import Rtc, RtcSource
+from viso.vehicle.sensors.flight import Event, Happening
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import VehicleSource
 from viso.vehicle.tasks import Task, always_idle, next_due_us
 from viso.vehicle.vicon import Vicon
 

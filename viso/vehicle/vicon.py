@@ -24,9 +24,9 @@ from mav_handlers.wire.messages import (
 )
 from viso.geometry import quaternions as quaternion
 from viso.geometry.attitude import euler_of
-from viso.sensors.airframe import Airframe
-from viso.sensors.attitude import quat_of_rpy, rotate_to_body
-from viso.sensors.vectors import Three, added, turned
+from viso.vehicle.sensors.airframe import Airframe
+from viso.vehicle.sensors.attitude import quat_of_rpy, rotate_to_body
+from viso.vehicle.sensors.vectors import Three, added, turned
 
 SYSTEM_ID: Final = 17
 COMPONENT_ID: Final = 18

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from mav_handlers.links.base import Link, LinkStats
-from viso.companion.faults import Injector, TimedFrame, Timeline, make_entry
-from viso.companion.faults.packet import FrameSplitter
+from viso.faults import Injector, TimedFrame, Timeline, make_entry
+from viso.faults.packet import FrameSplitter
 
 _LONGEST_FRAME: Final = 280  # bytes; with fewer at a time there might be none to return
 

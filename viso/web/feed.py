@@ -14,8 +14,8 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.links.base import Link
-from viso.fates.watch import SampleTest
 from viso.vehicle.copter.modes import MODES
+from viso.vehicle.outcomes.watch import SampleTest
 from viso.vehicle.vehicle import Vehicle
 from viso.web.bounded import BoundedQueue
 from viso.web.desk import Desk

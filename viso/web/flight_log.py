@@ -13,7 +13,6 @@ from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.reports.filter_status import FilterFlag
 from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
 from viso.estimators.series import Array, Mask, Series
-from viso.fates.watch import UNITS
 from viso.firmware.releases import Firmware
 from viso.logs.event_names import EV_SOURCE_SET_1
 from viso.parameters.releases import MAX_LINKS
@@ -22,6 +21,7 @@ from viso.report.agreement import BRIDGED_S, lag_ms, wrapped_deg
 from viso.report.facts import UNHEALTHY_S, Facts, positioned_at, withheld_why
 from viso.report.flight_data import Material
 from viso.report.summary import Level, Summary
+from viso.vehicle.outcomes.watch import UNITS
 from viso.web.feed import LOOK_PERIOD_S
 from viso.web.live_state import finite
 from viso.web.params import row_of, shown

@@ -14,8 +14,8 @@ from typing import Any, Final
 from ap_core.cint import i32
 from ap_core.log_field import LogValue
 from mav_handlers.endpoint import MessageEvent
-from viso.fates.labels import Fate, fate_of, is_final, is_model
-from viso.fates.watch import UNITS, SampleTest
+from viso.vehicle.outcomes.labels import Fate, fate_of, is_final, is_model
+from viso.vehicle.outcomes.watch import UNITS, SampleTest
 from viso.web.desk import ACTIONS, Answer
 from viso.web.diagnosis import RecentFrames
 from viso.web.faults import SWITCHES

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from mav_handlers.endpoint import MessageEvent
-from viso.fates.watch import FilterWatch
+from viso.vehicle.outcomes.watch import FilterWatch
 from viso.vehicle.vehicle import Vehicle
 from viso.web.desk import Desk
 from viso.web.faults import FaultSwitches

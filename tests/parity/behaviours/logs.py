@@ -15,8 +15,8 @@ from typing import Any, Final
 import pytest
 
 from tests.places import DATA
-from viso.ekf_runs import targets as ekf_targets
-from viso.ekf_runs.run import EkfReplay, EkfRun
+from viso.compare.ekf import targets as ekf_targets
+from viso.compare.ekf.run import EkfReplay, EkfRun
 from viso.logs.recorded import read_log
 
 LOGS: Final = DATA / "logs"

@@ -25,8 +25,8 @@ from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
 from ekf_stub.reports.core_report import CoreReport
 from viso.parameters.table import make_groups
-from viso.sensors.options import ImuOptions
-from viso.sensors.standing import BenchSource
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.standing import BenchSource
 
 LOOP_US = 2500
 QUIET_UNTIL_US = 3_400_000  # after boot, when the estimator soon starts

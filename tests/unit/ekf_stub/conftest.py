@@ -10,8 +10,8 @@ import pytest
 
 from tests.copies import Copies
 from tests.unit.ekf_stub.bench_rig import BenchRig
-from viso.sensors.errors import NO_ERRORS, SensorErrors
-from viso.sensors.options import ImuOptions
+from viso.vehicle.sensors.errors import NO_ERRORS, SensorErrors
+from viso.vehicle.sensors.options import ImuOptions
 
 
 @pytest.fixture(scope="session")

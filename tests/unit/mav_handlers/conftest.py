@@ -25,9 +25,9 @@ from tests.copies import Copies
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
-from viso.sensors.flying import FlyingSource
-from viso.sensors.options import ImuOptions
 from viso.vehicle.config import bench, by_ekf3
+from viso.vehicle.sensors.flying import FlyingSource
+from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
 M = TypeVar("M", bound=Message)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tools import ekf_table
-from viso.ekf_runs.comparison import compare
-from viso.ekf_runs.run import LABELS, EkfReplay
+from viso.compare.ekf.comparison import compare
+from viso.compare.ekf.run import LABELS, EkfReplay
 from viso.errors import InputError
 
 PAGE = "before\n<!-- measured: ekf -->\nold\n<!-- end -->\nafter\n<!-- table: cli -->\nkept\n<!-- end -->\n"

@@ -37,14 +37,14 @@ from viso.logs.sink import LogSink, MemoryLog
 from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.table import make_groups
 from viso.running.virtual_time import Scheduler
-from viso.sensors.options import ImuOptions
-from viso.sensors.source import VehicleSource
 from viso.terminal import console
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.flow import MavlinkFlow
 from viso.vehicle.gps import MavlinkGps
 from viso.vehicle.ranges import MavlinkRanges
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import VehicleSource
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 
 BOOTED_US = 6_000_000

@@ -6,12 +6,12 @@ from typing import Self
 
 import numpy as np
 
+from viso.companion.run.log import VioLog
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.se3 import SE3
 from viso.companion.vio.strategy import FrameReport
 from viso.companion.vio.types import FeatureQuality, ImuBias, VioHealth, VioOutput, VioState, frame_uuid
 from viso.companion.vio.worker import VioUpdate
-from viso.vio.log import VioLog
+from viso.geometry.se3 import SE3
 
 SECOND_NS = 10**9
 STEP = SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))

@@ -39,8 +39,8 @@ from viso.companion.engine.protocol import (
     frame_of,
     nothing,
 )
-from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import Pixels
+from viso.geometry.se3 import Array
 
 _LONGEST: Final = 1 << 30
 _READ_BYTES: Final = 1 << 20

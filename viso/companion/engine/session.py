@@ -35,8 +35,8 @@ from viso.companion.msckf.window_filter import TOLD_SIGMAS, default_cov
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.se3 import SE3, Array, skew
 from viso.companion.vio.types import CameraCalibration, DistortionModel, Pixels, WarmStartPose
+from viso.geometry.se3 import SE3, Array, skew
 
 SMALLEST_WIDTH_PX: Final = 16
 MOST: Final = 1e7

@@ -13,9 +13,9 @@ from viso.companion.klt.grid import FeatureGrid, Mask, Points
 from viso.companion.klt.outliers import Agreement, Model, check, rotated
 from viso.companion.klt.tracker import KltTracker
 from viso.companion.vio.config import Scene, VioConfig
-from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import CameraCalibration, Pixels
 from viso.companion.vio.undistortion import distort, undistort
+from viso.geometry.se3 import Array
 
 Ids = npt.NDArray[np.int64]
 

@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.companion.klt.grid import Mask, Points
-from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import Pixels
+from viso.geometry.se3 import Array
 
 Patches = npt.NDArray[np.float32]
 

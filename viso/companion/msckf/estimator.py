@@ -13,8 +13,8 @@ from viso.companion.msckf.multi_state import Below, Plane, TracksUsed, parallax_
 from viso.companion.msckf.tracks import RIPE, TrackBook, padded
 from viso.companion.msckf.window_filter import VEL, WindowFilter, sigma_of
 from viso.companion.vio.imu_window import bracketed
-from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuWindow
+from viso.geometry.se3 import SE3
 
 UNSURE_VELOCITY_M_S: Final = 0.1
 UNSURE_PASSES: Final = 6

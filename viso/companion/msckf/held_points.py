@@ -17,7 +17,7 @@ from scipy.special import chdtri
 from viso.companion.klt.front_end import Sighting
 from viso.companion.msckf.triangulation import Mask
 from viso.companion.msckf.window_filter import CLONE, MOTION, POINT, POSE, HeldPoint, WindowFilter
-from viso.companion.vio.se3 import SE3, Array, skew
+from viso.geometry.se3 import SE3, Array, skew
 
 MOST_HELD: Final = 24
 FEWEST_HELD: Final = 12  # below it others are taken

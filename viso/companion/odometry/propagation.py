@@ -13,8 +13,8 @@ from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu_window import steps_of
 from viso.companion.vio.preintegration import PreintegratedDelta, preintegrate
-from viso.companion.vio.se3 import SE3, Array, skew
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
+from viso.geometry.se3 import SE3, Array, skew
 
 HISTORY_NS: Final = 10_000_000_000
 VELOCITY_SIGMA_M_S: Final = 0.1

@@ -17,9 +17,9 @@ from viso.companion.odometry.message import odometry_message
 from viso.companion.odometry.propagation import MotionState, OdometryPropagator
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.health import WARM_START
-from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import FeatureQuality, ImuSample, VioOutput, VioState
 from viso.companion.vio.worker import VioUpdate
+from viso.geometry.se3 import Array
 
 QUALITY_LOST: Final = -1
 FULL_INLIERS: Final = 100

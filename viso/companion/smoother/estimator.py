@@ -26,8 +26,8 @@ from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, Smoot
 from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, MIN_PARALLAX_RAD, LandmarkBook
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.imu_window import bracketed
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import ImuSample, ImuWindow
+from viso.geometry.se3 import SE3, Array
 
 EARLY_NODES: Final = 4  # the first with landmarks: where things are is hardly known
 EARLY_PASSES: Final = 4

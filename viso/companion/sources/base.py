@@ -10,12 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.recorded.frame_change import axes_matrix
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import CalibrationError, load_calibration
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.frames import FLU_TO_FRD
-from viso.companion.vio.se3 import SE3, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
 from viso.companion.vio.types import (
     CameraCalibration,
     ImuBias,
@@ -26,6 +24,8 @@ from viso.companion.vio.types import (
     WarmStartPose,
     frame_uuid,
 )
+from viso.geometry.frame_change import axes_matrix
+from viso.geometry.se3 import SE3, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
 
 LEAD_NS: Final = 100_000_000
 """How long before the first frame inertial data are of use."""

@@ -16,14 +16,14 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.recorded.records import TrajectoryError, usable
-from viso.companion.recorded.text_formats import EUROC, TUM, Row, read_text, rows_of, table_records
 from viso.companion.sources.base import SourceError, make_frame
 from viso.companion.sources.video import check_size, opencv
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import CalibrationError, load_calibration
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import CameraCalibration, ImuBias, ImuSample, NavCameraFrame, Pixels, WarmStartPose
+from viso.geometry.records import TrajectoryError, usable
+from viso.geometry.se3 import SE3, Array
+from viso.geometry.text_formats import EUROC, TUM, Row, read_text, rows_of, table_records
 
 _CAMERAS: Final = ("cam0/data", "cam0")
 _CALIBRATIONS: Final = ("cam0/sensor.yaml", "cam0_sensor.yaml")

@@ -15,8 +15,8 @@ import numpy as np
 
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD, GRAVITY_MSS
-from viso.companion.vio.se3 import SE3, Array, quat_wxyz_from_rotation, so3_exp
 from viso.companion.vio.types import ImuBias, ImuSample, WarmStartPose
+from viso.geometry.se3 import SE3, Array, quat_wxyz_from_rotation, so3_exp
 
 DELAY_S: Final = 0.2
 """How late the drone's messages are: by that, its accelerations agree best with those that the camera felt."""

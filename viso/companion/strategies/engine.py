@@ -33,7 +33,6 @@ from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu_window import IMU_EMPTY, steps_of, window_fault
 from viso.companion.vio.json_log import log_event
 from viso.companion.vio.preintegration import preintegrate
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.strategy import FrameReport, StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -43,6 +42,7 @@ from viso.companion.vio.types import (
     VioOutput,
     WarmStartPose,
 )
+from viso.geometry.se3 import SE3, Array
 
 BACKOFF_S: Final = (0.0, 0.5, 1.0, 2.0, 4.0)
 """From a failure to the next start, for the first failure in a row, the second and so on, in time of the frames."""

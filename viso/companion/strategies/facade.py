@@ -15,11 +15,9 @@ from viso.companion.strategies.at_rest import RestWatch
 from viso.companion.strategies.native import NativeEngine, NativeFeatures, NativePose, NativeStatus, load_engine
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, Scene, VioConfig
-from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts, Growth
 from viso.companion.vio.imu_window import median_period_ns, window_fault
-from viso.companion.vio.se3 import SE3, Array, read_only
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -32,6 +30,8 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
+from viso.geometry.covariance import sound_covariance
+from viso.geometry.se3 import SE3, Array, read_only
 
 USUAL_PERIOD_NS: Final = 5_000_000
 ENOUGH_SAMPLES: Final = 10  # for a median that a gap does not move

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import CameraCalibration, Pixels, WarmStartPose
+from viso.geometry.se3 import Array
 
 WIRING_ABSENT: Final = "native wiring absent"
 

@@ -23,10 +23,8 @@ from viso.companion.msckf.window_filter import POS, TOLD_SIGMAS, VEL, WindowFilt
 from viso.companion.strategies.at_rest import state_at_rest, turn_of_camera
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, Scene
-from viso.companion.vio.covariance import sound_covariance
 from viso.companion.vio.health import FrameFacts, Growth
 from viso.companion.vio.imu_window import ImuPeriod
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -37,6 +35,8 @@ from viso.companion.vio.types import (
     VioOutput,
     WarmStartPose,
 )
+from viso.geometry.covariance import sound_covariance
+from viso.geometry.se3 import SE3, Array
 
 LEAST_VARIANCE_M2: Final = 1e-6  # of a position that is told
 _LEAST_COV: Final = np.diag([0.0] * 3 + [LEAST_VARIANCE_M2] * 3)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from viso.companion.vio.se3 import SE3, Array, read_only, rotation_from_quat_wxyz
+from viso.geometry.se3 import SE3, Array, read_only, rotation_from_quat_wxyz
 
 
 class EvaluationError(ValueError):

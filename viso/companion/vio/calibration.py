@@ -30,10 +30,10 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from viso.companion.vio.frames import MOUNTINGS
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.sensor_yaml import sensor_values
 from viso.companion.vio.types import CameraCalibration, DistortionModel
 from viso.documents import parsed_toml
+from viso.geometry.se3 import SE3, Array
 
 
 class CalibrationError(ValueError):

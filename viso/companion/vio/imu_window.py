@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import ImuSample, ImuWindow
+from viso.geometry.se3 import Array
 
 IMU_EMPTY: Final = "imu_empty"
 IMU_GAP: Final = "imu_gap"

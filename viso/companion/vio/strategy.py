@@ -20,7 +20,6 @@ from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import VioDegradedError, VioError, VioFatalError, VioInitializingError
 from viso.companion.vio.health import FrameFacts, HealthMachine
 from viso.companion.vio.json_log import log_event
-from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import (
     CameraCalibration,
     ImuBias,
@@ -31,6 +30,7 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
+from viso.geometry.se3 import SE3
 
 _DEGRADED_PERIOD_NS: Final = 1_000_000_000
 

@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.companion.vio.covariance import sound_covariance
-from viso.companion.vio.se3 import SE3, Array, read_only
+from viso.geometry.covariance import sound_covariance
+from viso.geometry.se3 import SE3, Array, read_only
 
 Pixels = npt.NDArray[np.uint8]
 

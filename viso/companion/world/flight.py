@@ -12,7 +12,6 @@ import numpy as np
 
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import MOUNTINGS
-from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import (
     CameraCalibration,
     DistortionModel,
@@ -25,6 +24,7 @@ from viso.companion.vio.types import (
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import Trajectory, nadir_survey
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
+from viso.geometry.se3 import SE3, Array, so3_exp
 
 if TYPE_CHECKING:
     from viso.companion.world.scenery import Place

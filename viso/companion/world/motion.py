@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.se3 import SE3, Array
+from viso.geometry.se3 import SE3, Array
 
 Curve = Callable[[Array], Array]
 

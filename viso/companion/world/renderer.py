@@ -13,11 +13,11 @@ from typing import Any, Final, cast
 import numpy as np
 import numpy.typing as npt
 
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import CameraCalibration, DistortionModel, NavCameraFrame, Pixels, frame_uuid
 from viso.companion.vio.undistortion import undistort
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, DETAIL_SCALES, GroundTexture, pixel_from_ground
 from viso.extras import pip_install
+from viso.geometry.se3 import SE3, Array
 
 try:
     import cv2

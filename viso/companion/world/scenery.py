@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import CameraCalibration, Pixels
 from viso.companion.world.renderer import Pyramid, Renderer, as_bytes, directions
 from viso.companion.world.texture import GroundTexture
+from viso.geometry.se3 import SE3, Array
 
 _STEP_PX: Final = 4  # hills bend little from one pixel to the next: rays are met only so often
 _MEETINGS: Final = 12  # iterations until a ray has met a slope

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import Pixels
+from viso.geometry.se3 import Array
 
 Field = npt.NDArray[np.float32]
 

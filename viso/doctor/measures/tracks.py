@@ -21,7 +21,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.estimators.turning import quats_of_euler
-from viso.fates.samples import HandedSample
+from viso.vehicle.outcomes.samples import HandedSample
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

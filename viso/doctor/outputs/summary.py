@@ -15,8 +15,8 @@ from ekf_stub.reports.aiding_mode import AidingMode
 from viso.doctor.evidence import Evidence
 from viso.doctor.lags import lateness_ms, tells_lags
 from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, Witness, source_name
-from viso.fates.labels import Fate, fate_of
 from viso.streams.stream_kinds import Aspect
+from viso.vehicle.outcomes.labels import Fate, fate_of
 
 HEALTHY_US: Final = 300_000
 LAG_EDGES_MS: Final = (5, 10, 20, 50, 100, 200, 500)

@@ -13,7 +13,7 @@ from ap_core.verdict import Outcome
 from viso.doctor.findings import Finding, Severity, numbers_text
 from viso.doctor.outputs.phrases import at
 from viso.doctor.outputs.summary import Summary
-from viso.fates.labels import Fate
+from viso.vehicle.outcomes.labels import Fate
 
 _STYLES: Final = {Severity.ERROR: "bold red", Severity.WARNING: "bold yellow", Severity.NOTE: "bold blue"}
 _INDENT: Final = "    "

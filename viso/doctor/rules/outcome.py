@@ -19,8 +19,8 @@ from viso.doctor.measures.sender_clock import time_base_us
 from viso.doctor.measures.tracks import Floats, SeenMessage
 from viso.doctor.outputs.phrases import at, often, seen_in, share
 from viso.doctor.rules.resets import jumps_in
-from viso.fates.labels import Fate, fate_of
-from viso.fates.watch import UNITS, AidingSpan
+from viso.vehicle.outcomes.labels import Fate, fate_of
+from viso.vehicle.outcomes.watch import UNITS, AidingSpan
 
 _CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"

@@ -10,7 +10,6 @@ from ap_core.cint import u8
 from ap_core.clock import NEVER
 from mav_handlers.mission import Mission
 from mav_handlers.ports import AvailableMode
-from viso.sensors.airframe import Airframe
 from viso.vehicle.copter.arming import Arming, ArmMethod
 from viso.vehicle.copter.arming_checks import ArmingChecks
 from viso.vehicle.copter.ekf_check import EkfCheck
@@ -21,6 +20,7 @@ from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import AVAILABLE_MODES, FlightModes, ModeNumber, ModeReason
 from viso.vehicle.copter.motors import Motors
 from viso.vehicle.copter.parts import CopterParts
+from viso.vehicle.sensors.airframe import Airframe
 
 EV_EKF_ALT_RESET: Final = 60
 EV_EKF_YAW_RESET: Final = 62

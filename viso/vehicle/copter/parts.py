@@ -15,10 +15,10 @@ from mav_handlers.transfers.log_transfer import LogTransfer
 from viso.logs.logger import Logger
 from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.releases import REFERENCE, ParameterRelease
-from viso.sensors.source import VehicleSource
 from viso.vehicle.flow import MavlinkFlow
 from viso.vehicle.gps import MavlinkGps
 from viso.vehicle.ranges import MavlinkRanges
+from viso.vehicle.sensors.source import VehicleSource
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ekf_stub.core.vectors import quat_of_euler
 from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
 from tests.unit.ekf_stub.bench_rig import BenchRig
-from viso.sensors.errors import SensorErrors
+from viso.vehicle.sensors.errors import SensorErrors
 
 MakeBench = Callable[..., BenchRig]
 

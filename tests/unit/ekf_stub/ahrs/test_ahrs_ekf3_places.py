@@ -12,7 +12,7 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from tests.copies import Copies
-from viso.sensors.errors import SensorErrors
+from viso.vehicle.sensors.errors import SensorErrors
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig

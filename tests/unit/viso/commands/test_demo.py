@@ -13,8 +13,8 @@ import pytest
 
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.companion.engine.compiled import inertial_engine
-from viso.closed_loop.loop import Script, VehicleLoop
 from viso.demo import odometry as demo_vio
+from viso.demo.loop import Script, VehicleLoop
 from viso.demo.odometry import VioDemo
 
 SIMULATED = "--camera", "simulated"
@@ -132,7 +132,7 @@ def test_without_matplotlib_says_what_to_install(
     viso: Viso, monkeypatch: pytest.MonkeyPatch, camera: tuple[str, str]
 ) -> None:
     forget(monkeypatch, "matplotlib")
-    for module in ("viso.demo.plot", "viso.closed_loop.plot"):
+    for module in ("viso.demo.plot", "viso.demo.loop_plot"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     outcome = viso("demo", *camera, "--json")
     assert outcome.code == 0

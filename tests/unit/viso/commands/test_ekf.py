@@ -17,9 +17,9 @@ from pymavlink.DFReader import DFReader_binary
 from tests.places import DATA
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from viso.commands import ekf as ekf_command
-from viso.ekf_runs import targets as ekf_targets
-from viso.ekf_runs.run import EkfRun
-from viso.ekf_runs.targets import Limit
+from viso.compare.ekf import targets as ekf_targets
+from viso.compare.ekf.run import EkfRun
+from viso.compare.ekf.targets import Limit
 from viso.firmware.releases import REFERENCE, Firmware
 
 LOG = DATA / "logs" / "voxl.BIN.xz"

@@ -22,8 +22,8 @@ from tests.places import DATA
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from viso.commands import faults as faults_command
-from viso.companion.faults import Injector, parse_timeline
 from viso.errors import InputError
+from viso.faults import Injector, parse_timeline
 from viso.faults import proxy as faults_proxy
 from viso.faults.file import Recording, check_output, read_recording, write_recording
 from viso.faults.proxy import FaultProxy

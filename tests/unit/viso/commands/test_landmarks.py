@@ -17,10 +17,14 @@ import pytest
 from tests.places import ROOT
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from viso.commands import landmarks as landmarks_command
-from viso.companion.landmarks.local_frame import FrameMode
-from viso.companion.landmarks.scene import Scene
-from viso.companion.landmarks.synthetic import LANDMARKS, Planted, SyntheticFlight
-from viso.companion.landmarks.types import (
+from viso.landmarks.camera import KEYS
+from viso.landmarks.live import Live
+from viso.landmarks.local_frame import FrameMode
+from viso.landmarks.recordings import Merged
+from viso.landmarks.run import Run
+from viso.landmarks.scene import Scene
+from viso.landmarks.synthetic import LANDMARKS, Planted, SyntheticFlight
+from viso.landmarks.types import (
     AircraftReport,
     Camera,
     Detection,
@@ -31,10 +35,6 @@ from viso.companion.landmarks.types import (
     LandmarkMap,
     VehiclePose,
 )
-from viso.landmarks.camera import KEYS
-from viso.landmarks.inputs import Merged
-from viso.landmarks.live import Live
-from viso.landmarks.run import Run
 
 PAGE = ROOT / "docs" / "landmarks.md"
 EPOCH_S = 1_760_000_000.0
@@ -373,10 +373,10 @@ def test_missing_geodesy_is_one_line(viso: Viso, monkeypatch: pytest.MonkeyPatch
 
 
 def test_missing_matplotlib_is_a_hint(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "viso.companion.landmarks.picture", raising=False)
+    monkeypatch.delitem(sys.modules, "viso.landmarks.picture", raising=False)
     for name in ["matplotlib", *(name for name in sys.modules if name.startswith("matplotlib."))]:
         monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.delattr("viso.companion.landmarks.picture", raising=False)
+    monkeypatch.delattr("viso.landmarks.picture", raising=False)
     outcome = viso("landmarks", *SHORT, "--until", "1", "--plot", "out.png")
     assert (outcome.code, Path("out.png").exists()) == (0, False)
     assert outcome.err == "no pictures: matplotlib is missing; install it with: pip install 'ardupilot-viso[plot]'\n"

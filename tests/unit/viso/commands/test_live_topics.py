@@ -18,7 +18,7 @@ from tests.places import DATA
 from tests.unit.viso.command_line import Viso, failed_with
 from viso.commands import doctor as doctor_command
 from viso.commands import play as play_command
-from viso.ros2.poses import Heard
+from viso.dds.poses import Heard
 
 
 def pose(number: int, x: float = 4e6) -> Heard:

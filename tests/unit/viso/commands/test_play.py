@@ -20,9 +20,9 @@ from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, STATUSTEXT, Message
 from tests.places import ROOT
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from viso.commands import play as play_command
-from viso.companion.recorded.frame_change import PRESETS
-from viso.companion.recorded.messages import FORMS
-from viso.companion.recorded.readers import FORMATS, Source, load_trajectory
+from viso.geometry.frame_change import PRESETS
+from viso.streams.messages import FORMS
+from viso.streams.readers import FORMATS, Source, load_trajectory
 
 FLIGHT = ROOT / "tests" / "data" / "trajectories" / "flight.tum"
 CLIP = ROOT.parent / "shared" / "data" / "euroc_mh01_clip" / "groundtruth.tum"

@@ -21,11 +21,11 @@ import pytest
 from tests.places import ROOT
 from tests.unit.viso.command_line import Viso, failed_with
 from viso.commands import sweep as sweep_command
-from viso.replay.figures import OBJECTIVES
-from viso.sensors.flight import Basis
+from viso.compare.figures import OBJECTIVES
 from viso.sweep import job, planning
 from viso.sweep.job import Result
 from viso.sweep.plan import Point, SweepPlan
+from viso.vehicle.sensors.flight import Basis
 
 CAPTURE = ROOT / "tests" / "data" / "captures" / "mav.jsonl.gz"
 PAGE = (ROOT / "docs" / "sweep.md").read_text(encoding="utf-8")

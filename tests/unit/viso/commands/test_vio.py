@@ -20,7 +20,9 @@ from tests.places import ROOT
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
 from viso.commands import vio as vio_command
-from viso.companion.recorded.readers import Source, load_trajectory
+from viso.commands import vio_inputs
+from viso.companion.run import session as vio_session
+from viso.companion.run.log import VioLog
 from viso.companion.sources.base import SourceOptions
 from viso.companion.sources.kinds import SOURCES, open_source
 from viso.companion.trials.evaluation import TimedPoses
@@ -29,9 +31,7 @@ from viso.companion.vio.calibration import load_calibration
 from viso.companion.vio.config import load_config
 from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.types import VioState
-from viso.vio import inputs as vio_inputs
-from viso.vio import session as vio_session
-from viso.vio.log import VioLog
+from viso.streams.readers import Source, load_trajectory
 
 CLIP = ROOT.parent / "shared" / "data" / "euroc_mh01_clip"
 PAGE = ROOT / "docs" / "companion.md"
@@ -110,7 +110,7 @@ def test_truth_is_compared_with(film: Viso) -> None:
 def test_missing_matplotlib_is_told_and_the_rest_done(film: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(sys.modules, "viso.vio.plot", raising=False)
+    monkeypatch.delitem(sys.modules, "viso.companion.run.plot", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     outcome = film("--plot", "flight.png", "--save-trajectory", "flight.tum", "--json")
     assert outcome.code == 0

@@ -14,10 +14,10 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.parts import AhrsParts
+from viso.dds import messages as ros
 from viso.dds.services import SERVICES
 from viso.dds.topics import TOPICS, static_transforms
 from viso.firmware.releases import PROFILES
-from viso.ros2 import messages as ros
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 HALF = math.sqrt(0.5)

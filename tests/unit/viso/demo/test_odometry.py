@@ -11,13 +11,13 @@ import pytest
 
 from ekf_stub.reports.aiding_mode import AidingMode
 from tests.unit.viso.companion.engine.compiled import inertial_engine
-from viso.closed_loop.figures import LoopFigures, figures_of
-from viso.closed_loop.record import AUTOPILOT, COMPANION, Said
 from viso.companion.strategies.engine import EngineStrategy
 from viso.companion.vio.types import VioState
+from viso.demo.figures import LoopFigures, figures_of
 from viso.demo.odometry import ARM_S, COMPANION_S, COVERED_S, DISARM_S, END_S, RESTART_S, VioDemo, demo_setup
+from viso.demo.record import AUTOPILOT, COMPANION, Said
 from viso.logs.sink import MemoryLog
-from viso.options.engine import with_engine
+from viso.terminal.engine import with_engine
 
 pytestmark = pytest.mark.slow
 

@@ -16,15 +16,15 @@ from ap_core.verdict import Outcome
 from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
-from viso.closed_loop.record import AUTOPILOT, Estimate
 from viso.companion.trials.scripted_flight import Flight
+from viso.compare.ekf.comparison import compare
+from viso.compare.ekf.run import EkfRun
 from viso.demo.plot import save_plot
+from viso.demo.record import AUTOPILOT, Estimate
 from viso.demo.tracking_camera import ARM_S, COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult, flight_source
-from viso.ekf_runs.comparison import compare
-from viso.ekf_runs.run import EkfRun
-from viso.fates.labels import Fate, fate_of
 from viso.logs.sink import MemoryLog
-from viso.sensors.options import ImuOptions
+from viso.vehicle.outcomes.labels import Fate, fate_of
+from viso.vehicle.sensors.options import ImuOptions
 
 BEGUN_S = 10
 

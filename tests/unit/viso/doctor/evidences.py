@@ -20,9 +20,9 @@ from viso.doctor.measures.compare import compare
 from viso.doctor.measures.motion import motions_of
 from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
 from viso.doctor.measures.vehicle_data import AttitudeSeries
-from viso.fates.watch import AidingSpan
 from viso.firmware.releases import REFERENCE
 from viso.streams.stream_kinds import Stream
+from viso.vehicle.outcomes.watch import AidingSpan
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 SETUP: Final[Mapping[str, float]] = {

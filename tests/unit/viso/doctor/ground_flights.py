@@ -19,8 +19,8 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     Message,
 )
-from viso.companion.faults import inject, parse_timeline
 from viso.doctor import RULES, Evidence, Finding, GatherOptions, diagnose, gather
+from viso.faults import inject, parse_timeline
 from viso.streams.stream import Stream, StreamMessage
 
 SET_UP: Final[Mapping[str, float]] = {

@@ -10,9 +10,9 @@ import numpy as np
 
 from mav_handlers.wire.codec import Codec, Received
 from tests.places import DATA
-from viso.companion.faults import inject, parse_timeline
 from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
 from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, vehicle_of_log
+from viso.faults import inject, parse_timeline
 from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
 
 LEAD_US: Final = 6_500_000

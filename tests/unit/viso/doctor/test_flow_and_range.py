@@ -12,13 +12,13 @@ from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW, SYS_STATUS
 from tests.places import DATA, SHARED
 from tests.unit.viso.doctor.ground_flights import Timed, evidence_of, findings_of, flight, with_fault
-from viso.companion.faults.packet import read_packet
 from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
 from viso.doctor.measures.flow_fit import fit_flow
 from viso.doctor.measures.ground_sensors import FlowSeries, GroundSensors, driven
 from viso.doctor.measures.own_filter import Witness
 from viso.doctor.measures.tracks import Floats
 from viso.doctor.measures.vehicle_data import vehicle_of_log
+from viso.faults.packet import read_packet
 from viso.streams.stream_kinds import read_whole_stream
 
 LOGS = SHARED.parent / "parity" / "ekf_more"

@@ -17,8 +17,8 @@ from viso.doctor import Evidence, GatherOptions, SeenMessage, Severity, diagnose
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.rules import RULES
 from viso.errors import InputError
-from viso.fates.labels import Fate
 from viso.streams.stream_kinds import Stream, StreamMessage
+from viso.vehicle.outcomes.labels import Fate
 
 END_US = LEAD_US + 2_000_000
 

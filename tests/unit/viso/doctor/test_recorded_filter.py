@@ -42,8 +42,8 @@ from viso.doctor.measures.own_log import own_filter_in
 from viso.doctor.measures.vehicle_position import PositionSeries
 from viso.doctor.outputs.summary import summarise
 from viso.doctor.outputs.terminal import summary_lines
-from viso.fates.watch import AidingSpan
 from viso.logs.recorded import read_columns
+from viso.vehicle.outcomes.watch import AidingSpan
 
 LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
 TURNED: Final = (math.cos(0.35), 0.0, 0.0, math.sin(0.35))

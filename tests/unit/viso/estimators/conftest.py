@@ -12,7 +12,7 @@ from tests.places import DATA
 from tests.unit.viso.estimators.motions import integrated
 from viso.estimators.turning import Array, quats_of_euler
 from viso.logs.recorded import read_log
-from viso.sensors.flown.source import read_flight
+from viso.vehicle.sensors.flown.source import read_flight
 
 LOG = DATA / "logs" / "flight_t265.BIN.xz"
 HALF_A_STEP_US = 1250  # the rotation of a pass is what happened since the one before

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.unit.viso.estimators.motions import integrated
 from viso.estimators.turning import attitudes_of, quats_of_euler, rotation_vectors, turns, windows
-from viso.sensors.attitude import quat_of_rpy
+from viso.vehicle.sensors.attitude import quat_of_rpy
 
 ANGLES = st.floats(-3.2, 3.2)
 IDENTITY = [1.0, 0.0, 0.0, 0.0]

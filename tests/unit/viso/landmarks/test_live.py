@@ -20,11 +20,11 @@ from mav_handlers.wire.messages import (
     LOCAL_POSITION_NED,
     Message,
 )
-from viso.companion.landmarks.inputs.files import InputOptions
-from viso.companion.landmarks.types import AircraftReport, Detections, Event, GlobalFix, LandmarkMap, VehiclePose
 from viso.errors import InputError
 from viso.landmarks import live as landmarks_live
+from viso.landmarks.inputs.files import InputOptions
 from viso.landmarks.live import Live, standard_lines
+from viso.landmarks.types import AircraftReport, Detections, Event, GlobalFix, LandmarkMap, VehiclePose
 from viso.logs.recorded import read_log
 
 OPTIONS = InputOptions(read_log)

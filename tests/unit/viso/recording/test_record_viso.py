@@ -12,7 +12,7 @@ import pytest
 
 from mav_handlers.links import read_tlog
 from tests.unit.viso.recording.fake_autopilot import read_lines
-from viso.comparing.recordings import compare_recording
+from viso.compare.recordings import compare_recording
 from viso.firmware.releases import PROFILES, REFERENCE
 from viso.recording.driving import record_viso
 from viso.recording.outputs import FILES, write_recording

@@ -17,14 +17,14 @@ from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, VISION_SPEED_ESTIMATE, Message
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.passes import times_of_passes
-from viso.fates.samples import FATE_WAIT_US
-from viso.fates.watch import FilterWatch
 from viso.replay import feed
 from viso.replay.feed import Replay, ReplayedMessage, batches, makes_record
-from viso.sensors.options import ImuOptions
-from viso.sensors.stream.follow import FollowSource
 from viso.streams.stream_kinds import Stream, StreamMessage
 from viso.vehicle.config import by_ekf3
+from viso.vehicle.outcomes.samples import FATE_WAIT_US
+from viso.vehicle.outcomes.watch import FilterWatch
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.stream.follow import FollowSource
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 

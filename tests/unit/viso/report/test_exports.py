@@ -15,7 +15,6 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 from tests.unit.viso.report.log_maker import LogMaker, material_of
-from viso.companion.recorded.bag_formats import bag_records
 from viso.report.agreement import Poses
 from viso.report.exports import (
     EKF_TOPIC,
@@ -28,6 +27,7 @@ from viso.report.exports import (
     usable,
 )
 from viso.report.flight_data import Material
+from viso.streams.bag_formats import bag_records
 
 
 @pytest.fixture(scope="module")

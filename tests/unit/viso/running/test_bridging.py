@@ -13,12 +13,12 @@ from mav_handlers.links.base import Readable
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, STATUSTEXT, TIMESYNC, Message
-from viso.companion.recorded.frame_change import FrameChange, parse_axes
-from viso.companion.recorded.live import LiveOptions, LivePoses
-from viso.companion.recorded.player import Text
-from viso.ros2.poses import Heard, PoseTopic
+from viso.dds.poses import Heard, PoseTopic
+from viso.geometry.frame_change import FrameChange, parse_axes
 from viso.running import bridging
 from viso.running.bridging import SECOND_WRITER, Bridge, delay_lines
+from viso.streams.live import LiveOptions, LivePoses
+from viso.streams.player import Text
 
 START_NS = 1_700_000_000 * 10**9
 MS = 1_000_000

@@ -14,11 +14,11 @@ from mav_handlers.links.pair import make_pair
 from mav_handlers.links.tlog import YEAR_2000_US
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
-from viso.companion.recorded.player import Playback, Player, RecordedEngine, Text
-from viso.companion.recorded.recorded_trajectory import RecordedTrajectory
 from viso.errors import InputError
+from viso.geometry.trajectory import RecordedTrajectory
 from viso.running import playing
 from viso.running.playing import LinkPlay, write_telemetry_log
+from viso.streams.player import Playback, Player, RecordedEngine, Text
 
 PERIOD_NS = 250_000_000
 

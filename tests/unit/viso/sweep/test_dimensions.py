@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from viso.errors import InputError
-from viso.options.settings import known_parameters
 from viso.sweep.dimensions import MOST_VALUES, Axis, fault_field, parse_axes
+from viso.terminal.settings import known_parameters
 
 TABLE = known_parameters(1)
 

@@ -13,13 +13,13 @@ import pytest
 
 from tests.places import DATA
 from viso.logs.recorded import read_columns
-from viso.sensors.flight import Basis
 from viso.sweep.best import Best
 from viso.sweep.job import run_point
 from viso.sweep.planning import make_plan
 from viso.sweep.request import Wishes
 from viso.sweep.result_tables import found
 from viso.sweep.store import table_rows
+from viso.vehicle.sensors.flight import Basis
 
 LOG = DATA / "ordinary" / "lane_switch.BIN.xz"
 AGE_MS = 23.3

@@ -11,10 +11,10 @@ import pytest
 from tests.places import DATA
 from tests.unit.viso.sweep.conftest import CAPTURE
 from viso.errors import InputError
-from viso.sensors.flight import Basis
 from viso.sweep import planning
 from viso.sweep.planning import make_plan
 from viso.sweep.request import Wishes, read_wishes
+from viso.vehicle.sensors.flight import Basis
 
 WHOLE = """
 streams = ["mav.jsonl.gz", "other/t265.jsonl.gz"]

@@ -15,9 +15,9 @@ from ap_core.verdict import Outcome
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, STATUSTEXT, VISION_POSITION_ESTIMATE
 from tests.unit.viso.testing.sample_odometry import odometry
-from viso.fates.labels import Fate
 from viso.testing import Autopilot, AutopilotOptions
 from viso.testing.diagnosis import check_no_findings
+from viso.vehicle.outcomes.labels import Fate
 
 
 def fly(autopilot: Autopilot, count: int) -> None:

@@ -9,7 +9,7 @@ import pytest
 from mav_handlers.wire.codec import Codec
 from tests.places import ROOT
 from tests.unit.viso.testing.sample_odometry import odometry
-from viso.options.presets import PRESETS
+from viso.terminal.presets import PRESETS
 from viso.testing import AutopilotOptions
 from viso.testing.booted import READY_US, BootedVehicle, booted_vehicle
 
@@ -64,7 +64,7 @@ def test_file_is_read_each_time(tmp_path: Path) -> None:
     options = AutopilotOptions(imu=f"script:{script}")
     with pytest.raises(ValueError, match=r"turn\.toml"):
         booted_vehicle(options)
-    example = next((ROOT / "viso" / "sensors" / "script" / "example_scripts").glob("*.toml"))
+    example = next((ROOT / "viso" / "vehicle" / "sensors" / "script" / "example_scripts").glob("*.toml"))
     script.write_text(example.read_text())
     assert booted_vehicle(options).scheduler.now_us == READY_US
     script.unlink()

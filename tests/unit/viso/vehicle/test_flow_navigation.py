@@ -23,13 +23,13 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from tests.unit.viso.conftest import read_log
-from viso.ekf_runs.run import EkfRun
+from viso.compare.ekf.run import EkfRun
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
-from viso.sensors.options import ImuOptions
-from viso.sensors.stream.follow import FollowSource
 from viso.vehicle.config import by_ekf3
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.stream.follow import FollowSource
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 FLOW: Final = {

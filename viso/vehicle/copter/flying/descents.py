@@ -7,9 +7,9 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
-from viso.sensors.vectors import Three
 from viso.vehicle.copter.flying.position_control import approach_speed
 from viso.vehicle.copter.flying.steering import LEVEL, PERIOD_S, Lean, Steering
+from viso.vehicle.sensors.vectors import Three
 
 PAUSE_US: Final = 4_000_000
 """How long a vehicle that a failsafe makes land stays before it descends (LAND_WITH_DELAY_MS)."""

@@ -15,8 +15,6 @@ from ap_core.param_cache import FromParams
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.inertial import GRAVITY_MSS
 from mav_handlers.ports import FlightTruth, GuidedTarget
-from viso.sensors.airframe import MOTORS_OFF, Airframe, Demand
-from viso.sensors.vectors import Three, turned
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.flying.descents import Land, ReturnHome
 from viso.vehicle.copter.flying.guided import Guided
@@ -28,6 +26,8 @@ from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import FlightModes, ModeNumber
 from viso.vehicle.copter.parts import CopterParts
+from viso.vehicle.sensors.airframe import MOTORS_OFF, Airframe, Demand
+from viso.vehicle.sensors.vectors import Three, turned
 
 PERIOD_US: Final = round(1e6 * PERIOD_S)
 SLOW_M_S: Final = 1.0

@@ -5,8 +5,8 @@
 import math
 from typing import Final
 
-from viso.sensors.vectors import turned
 from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Steering
+from viso.vehicle.sensors.vectors import turned
 
 TURN_RAD_S: Final = math.radians(202.5)
 """PILOT_Y_RATE's default."""

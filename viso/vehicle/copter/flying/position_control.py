@@ -8,7 +8,7 @@ Source: AC_AttitudeControl/AC_PosControl.cpp in outline. There a limit of jerk s
 import math
 from typing import Final, NamedTuple
 
-from viso.sensors.vectors import ZERO, Three
+from viso.vehicle.sensors.vectors import ZERO, Three
 
 POSITION_GAIN: Final = 1.0
 VELOCITY_GAIN: Final = (2.0, 2.0, 4.0)

@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 
 from ap_core.param import ParamTable
 from viso.parameters.flying import FlyingParameters
-from viso.sensors.vectors import ZERO
 from viso.vehicle.copter.flying.heading import Heading
 from viso.vehicle.copter.flying.position_control import Estimate, Pace, PositionControl
 from viso.vehicle.copter.flying.sticks import CENTRED, Sticks
+from viso.vehicle.sensors.vectors import ZERO
 
 PERIOD_S: Final = 0.02
 """How often the controller decides."""

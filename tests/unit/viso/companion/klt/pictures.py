@@ -7,8 +7,8 @@ from typing import Any, cast
 import cv2
 import numpy as np
 
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import CameraCalibration, DistortionModel, Pixels
+from viso.geometry.se3 import SE3, Array
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 250.0
 

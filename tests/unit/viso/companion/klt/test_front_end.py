@@ -23,9 +23,9 @@ from viso.companion.klt.grid import FeatureGrid
 from viso.companion.klt.outliers import Model
 from viso.companion.vio.config import Scene, VioConfig
 from viso.companion.vio.health import MIN_COVERAGE
-from viso.companion.vio.se3 import so3_exp
 from viso.companion.vio.types import DistortionModel, Pixels
 from viso.companion.vio.undistortion import undistort
+from viso.geometry.se3 import so3_exp
 
 MOST = 100
 IMAGE = texture()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from viso.companion.klt.outliers import Model, check, rotated
-from viso.companion.vio.se3 import SE3, Array, so3_exp
+from viso.geometry.se3 import SE3, Array, so3_exp
 
 FOCAL = 500.0
 THRESHOLD_PX = 1.0

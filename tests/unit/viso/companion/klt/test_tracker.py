@@ -8,8 +8,8 @@ import pytest
 from tests.unit.viso.companion.klt.pictures import HEIGHT, WIDTH, moved, noise, shifted, texture
 from viso.companion.klt.grid import FeatureGrid, Points
 from viso.companion.klt.tracker import BORDER_PX, KltTracker
-from viso.companion.vio.se3 import Array
 from viso.companion.vio.types import Pixels
+from viso.geometry.se3 import Array
 
 IMAGE = texture()
 BLACK: Pixels = np.zeros_like(IMAGE)

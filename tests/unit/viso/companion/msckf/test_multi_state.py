@@ -16,8 +16,8 @@ from viso.companion.msckf.multi_state import Below, Plane, TracksUsed, parallax_
 from viso.companion.msckf.tracks import Tracks, padded
 from viso.companion.msckf.window_filter import CLONE, MOTION, Clone, WindowFilter
 from viso.companion.vio.config import ImuNoise
-from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import ImuBias
+from viso.geometry.se3 import SE3, Array, so3_exp
 
 CLONES, POINTS = 8, 30
 SIZE = MOTION + CLONE * CLONES

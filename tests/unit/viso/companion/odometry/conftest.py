@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import FeatureQuality, ImuBias, ImuSample, VioOutput, frame_uuid
+from viso.geometry.se3 import SE3, Array
 
 GOOD = FeatureQuality(100, 0, 0, 100, 10.0, 0.3, 0.6)
 

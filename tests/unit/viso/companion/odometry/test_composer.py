@@ -13,8 +13,8 @@ import pytest
 from viso.companion.odometry.composer import LocalPose, OdometryComposer, local_to_frd
 from viso.companion.vio.config import LocalAlignment
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
-from viso.companion.vio.se3 import SE3, Array, so3_exp, yaw_of
 from viso.companion.vio.types import VioOutput
+from viso.geometry.se3 import SE3, Array, so3_exp, yaw_of
 
 Make = Callable[..., Any]
 

@@ -20,10 +20,10 @@ from viso.companion.odometry.sender import OdometrySender
 from viso.companion.odometry.source import OdometrySource
 from viso.companion.vio.config import AglSource, OdometryConfig, VioConfig
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.se3 import SE3, so3_exp
 from viso.companion.vio.strategy import FrameReport
 from viso.companion.vio.types import ImuSample, VioHealth, VioState
 from viso.companion.vio.worker import VioUpdate
+from viso.geometry.se3 import SE3, so3_exp
 
 AtRest = Callable[[int], ImuSample]
 

@@ -14,10 +14,10 @@ from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.odometry.source import OdometrySource
 from viso.companion.vio.config import CovarianceEncoding, LocalAlignment, LostPolicy, OdometryConfig, VioConfig
 from viso.companion.vio.health import WAITING, WARM_START
-from viso.companion.vio.se3 import SE3, so3_exp
 from viso.companion.vio.strategy import FrameReport
 from viso.companion.vio.types import ImuSample, VioHealth, VioOutput, VioState, frame_uuid
 from viso.companion.vio.worker import VioUpdate
+from viso.geometry.se3 import SE3, so3_exp
 
 Make = Callable[..., Any]
 AtRest = Callable[[int], ImuSample]

@@ -9,8 +9,8 @@ from viso.companion.klt.outliers import Model
 from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS, MOUNTINGS
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
+from viso.geometry.se3 import SE3, Array
 
 NOISE = ImuNoise()
 B_T_C = SE3(MOUNTINGS["forward"], np.array([0.1, 0.0, 0.05]))

@@ -13,8 +13,8 @@ from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
 from viso.companion.smoother.lag_smoother import LagSmoother, preintegrated
 from viso.companion.vio.imu_window import steps_of
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import ImuBias
+from viso.geometry.se3 import SE3, Array
 
 
 def turned_state(seed: int = 3) -> WindowFilter:

@@ -21,7 +21,6 @@ from viso.companion.sources.base import (
 )
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.frames import MOUNTINGS
-from viso.companion.vio.se3 import SE3, so3_exp
 from viso.companion.vio.types import (
     CameraCalibration,
     DistortionModel,
@@ -31,6 +30,7 @@ from viso.companion.vio.types import (
     SensorEvent,
     WarmStartPose,
 )
+from viso.geometry.se3 import SE3, so3_exp
 
 PIXELS = np.zeros((4, 6), np.uint8)
 

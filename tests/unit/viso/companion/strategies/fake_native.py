@@ -20,8 +20,8 @@ from viso.companion.strategies.native import (
     NativeStatus,
 )
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import CameraCalibration, Pixels, WarmStartPose
+from viso.geometry.se3 import SE3, Array
 
 STILL_GYRO_RAD_S = 0.02
 INITIAL_IMAGES = 2

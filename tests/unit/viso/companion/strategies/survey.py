@@ -15,7 +15,6 @@ from viso.companion.strategies.klt_ransac import KltRansac
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
 from viso.companion.vio.imu_buffer import ImuBuffer
-from viso.companion.vio.se3 import SE3
 from viso.companion.vio.strategy import StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -30,6 +29,7 @@ from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import nadir_survey
 from viso.companion.world.texture import GroundTexture
+from viso.geometry.se3 import SE3
 
 PERIOD_NS = 200_000_000
 PLANAR: dict[str, Any] = {"scene": Scene.PLANAR, "agl_source": AglSource.RANGEFINDER, "max_features": 100}

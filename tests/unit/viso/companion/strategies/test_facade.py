@@ -26,8 +26,8 @@ from viso.companion.vio.config import EngineConfig
 from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
 from viso.companion.vio.health import SCALE_UNOBSERVED, UNSURE_VELOCITY
 from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import FeatureQuality, ImuWindow, VioOutput, VioState
+from viso.geometry.se3 import SE3, Array
 
 NAME = "viso_test_native"
 

@@ -12,9 +12,9 @@ from tests.unit.viso.companion.strategies.survey import PERIOD_NS, Aboard, aboar
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.config import AglSource, ImuNoise, Scene
 from viso.companion.vio.health import SCALE_UNOBSERVED, TOO_FEW_INLIERS
-from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import ImuSample, SensorEvent, VioOutput, VioState
 from viso.companion.world.motion import nadir_survey
+from viso.geometry.se3 import SE3
 
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
 

@@ -19,7 +19,7 @@ from viso.companion.trials.evaluation import (
     in_common,
     umeyama,
 )
-from viso.companion.vio.se3 import SE3, Array, so3_exp, so3_log
+from viso.geometry.se3 import SE3, Array, so3_exp, so3_log
 
 NS = 1_000_000_000
 seeds = st.integers(0, 1_000_000)

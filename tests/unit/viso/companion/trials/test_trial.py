@@ -30,7 +30,6 @@ from viso.companion.trials.evaluation import EvaluationError
 from viso.companion.vio.config import AglSource, VioConfig
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.strategy import StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -43,6 +42,7 @@ from viso.companion.vio.types import (
     WarmStartPose,
 )
 from viso.companion.vio.worker import VioUpdate
+from viso.geometry.se3 import SE3, Array
 
 FRAMES = 10
 VELOCITY_W = np.array([3.0, 0.0, 0.0])

@@ -10,7 +10,6 @@ import numpy as np
 
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.health import FrameFacts
-from viso.companion.vio.se3 import SE3
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -25,6 +24,7 @@ from viso.companion.vio.types import (
     WarmStartPose,
     frame_uuid,
 )
+from viso.geometry.se3 import SE3
 
 WIDTH, HEIGHT = 64, 48
 PERIOD_NS = 100_000_000

@@ -12,8 +12,8 @@ from viso.companion.vio.errors import (
     VioFatalError,
     VioInitializingError,
 )
-from viso.companion.vio.se3 import SE3
 from viso.companion.vio.types import FeatureQuality, ImuBias, VioOutput, frame_uuid
+from viso.geometry.se3 import SE3
 
 
 def output() -> VioOutput:

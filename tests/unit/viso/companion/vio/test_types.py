@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.companion.vio.se3 import SE3, Array
 from viso.companion.vio.types import (
     CameraCalibration,
     DistortionModel,
@@ -27,6 +26,7 @@ from viso.companion.vio.types import (
     WarmStartPose,
     frame_uuid,
 )
+from viso.geometry.se3 import SE3, Array
 
 TIMES_MS = st.integers(0, 2**48 - 1)
 SEQUENCES = st.integers(0, 2**12 - 1)

@@ -4,8 +4,8 @@
 
 import numpy as np
 
-from viso.companion.vio.se3 import Array
 from viso.companion.world.motion import Trajectory
+from viso.geometry.se3 import Array
 
 
 def from_ground(

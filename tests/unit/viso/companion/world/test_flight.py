@@ -13,11 +13,11 @@ import pytest
 
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.config import ImuNoise
-from viso.companion.vio.se3 import so3_log
 from viso.companion.vio.types import HeightMeasurement, ImuBias, ImuSample, NavCameraFrame, SensorEvent
 from viso.companion.world.flight import SimulatedImu, SyntheticFlight, nadir_calibration
 from viso.companion.world.motion import nadir_survey
 from viso.companion.world.texture import GroundTexture
+from viso.geometry.se3 import so3_log
 
 PIXELS = np.random.default_rng(1).integers(50, 200, (64, 64), np.uint8)
 GROUND = GroundTexture(PIXELS, 0.5, np.full((8, 8), 128, np.uint8))

@@ -12,13 +12,13 @@ import cv2
 import numpy as np
 import pytest
 
-from viso.companion.vio.se3 import SE3, Array, so3_exp
 from viso.companion.vio.types import CameraCalibration, DistortionModel, Pixels
 from viso.companion.vio.undistortion import distort
 from viso.companion.world.flight import nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.renderer import PlaneRenderer
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
+from viso.geometry.se3 import SE3, Array, so3_exp
 
 CALIBRATION = nadir_calibration()
 RADTAN = dataclasses.replace(

@@ -16,10 +16,10 @@ from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.ports import GuidedTarget
 from tests.copies import Copies
 from tests.unit.viso.conftest import CopterRig
-from viso.sensors.flying import FlyingSource
-from viso.sensors.options import ImuOptions
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.modes import ModeNumber, ModeReason
+from viso.vehicle.sensors.flying import FlyingSource
+from viso.vehicle.sensors.options import ImuOptions
 
 PERIOD_US = 20_000
 PLACE = Location(473977420, 85455940, 48800)

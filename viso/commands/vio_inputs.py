@@ -1,0 +1,64 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a visual-inertial odometry is given on the command line; all that is wrong with it is told in one line."""
+
+import logging
+from pathlib import Path
+
+from viso.companion.sources.base import Recording, SourceError, SourceOptions
+from viso.companion.sources.camera import LiveCamera
+from viso.companion.sources.kinds import open_source
+from viso.companion.trials.evaluation import TimedPoses
+from viso.companion.vio.config import ConfigError, VioConfig, load_config
+from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.registry import build_vio_strategy
+from viso.errors import InputError, told_errors
+from viso.geometry.frame_change import parse_rotation
+from viso.geometry.records import TrajectoryError
+from viso.geometry.se3 import Array
+from viso.streams.readers import Source, load_trajectory
+from viso.terminal.engine import with_engine
+
+
+def rotation_of(text: str) -> Array:
+    """Return the rotation matrix that ``--mounting`` gives."""
+    try:
+        return parse_rotation(text)
+    except ValueError as error:
+        raise InputError(f"--mounting: {error}") from error
+
+
+def opened(options: SourceOptions, kind: str | None) -> Recording | LiveCamera:
+    """Open a source."""
+    with told_errors(SourceError):
+        return open_source(options, kind)
+
+
+def configured(
+    source: Recording | LiveCamera, file: Path | None, strategy: str | None, engine: str | None = None
+) -> VioConfig:
+    """Return the configuration: a file's or else what suits the source, with what is named in its place.
+
+    Args:
+        strategy: in place of the configuration's.
+        engine: command that starts the engine's program.
+
+    Raises InputError if the file is none, or the strategy is not to be had.
+    """
+    with told_errors(ConfigError):
+        config = source.config if file is None else load_config(file)
+    config = with_engine(config, strategy, engine)
+    # Built in vain, so that whatever is missing is told before anything is opened.
+    silent = logging.Logger("viso.trying", logging.CRITICAL + 1)
+    with told_errors(ValueError, StrategyNotAvailableError):
+        build_vio_strategy(config, source.calibration, lambda: 0, silent).close()
+    return config
+
+
+def known_truth(source: Recording | LiveCamera, file: Path | None) -> TimedPoses | None:
+    """Return the trajectory in a file, or what the source knows."""
+    if file is None:
+        return source.poses if isinstance(source, Recording) else None
+    with told_errors(TrajectoryError):
+        trajectory = load_trajectory(Source(file))
+    return TimedPoses(trajectory.times_ns, trajectory.positions, trajectory.quats_wxyz)

@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a visual-inertial odometry said about each frame, and what comes out of it in the end."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any, Final
+
+import numpy as np
+
+from viso.companion.odometry.composer import OdometryComposer
+from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
+from viso.companion.vio.config import LocalAlignment, VioConfig
+from viso.companion.vio.types import VioState
+from viso.companion.vio.worker import VioUpdate
+from viso.geometry.se3 import SE3
+
+TOTAL: Final = "total"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoggedFrame:
+    """A frame.
+
+    Attributes:
+        t_ns: its stamp, as the source gave it, in the IMU's time.
+        sigma_m: of the position against the start, root mean square of the three axes; None without an output.
+    """
+
+    t_ns: int
+    update: VioUpdate
+    sigma_m: float | None
+
+    @property
+    def state(self) -> VioState:
+        """The state after the frame."""
+        return self.update.health.state
+
+    @property
+    def pose(self) -> SE3 | None:
+        """The pose world_T_body; None without an output."""
+        return None if self.update.output is None else self.update.output.world_T_body
+
+    @property
+    def total_ms(self) -> float:
+        """How long the strategy took."""
+        return self.update.report.stage_ms.get(TOTAL, 0.0)
+
+
+class VioLog:
+    """Remembers all frames; a listener of the worker.
+
+    Attributes:
+        shift_ns: what was added to the source's stamps; it is taken off again.
+    """
+
+    def __init__(self, config: VioConfig) -> None:
+        sigma = config.scale_sigma
+        self._composer = OdometryComposer(LocalAlignment.NORTH, world_is_north=True, agl_scale_sigma=sigma)
+        self.shift_ns = 0
+        self.frames: list[LoggedFrame] = []
+
+    def take(self, update: VioUpdate) -> None:
+        """Take what is told about a frame."""
+        local = self._composer.compose_alone(update.output)
+        sigma_m = None if local is None else math.sqrt(float(np.trace(local.covariance_6x6[3:, 3:])) / 3)
+        self.frames.append(LoggedFrame(update.t_ns - self.shift_ns, update, sigma_m))
+
+    @property
+    def last(self) -> LoggedFrame | None:
+        """The last frame, None before the first."""
+        return self.frames[-1] if self.frames else None
+
+    def states(self) -> Counter[str]:
+        """Return how many frames ended in which state."""
+        return Counter(frame.state.value for frame in self.frames)
+
+    def trajectory(self) -> TimedPoses:
+        """Return the poses of all frames that have one, in the strategy's world."""
+        return TimedPoses.of([(frame.t_ns, frame.pose) for frame in self.frames if frame.pose is not None])
+
+    def error(self, truth: TimedPoses | None) -> AbsoluteError | None:
+        """Return the error after alignment without scale; None where too little is known of the truth."""
+        if truth is None:
+            return None
+        try:
+            return absolute_error(self.trajectory(), truth)
+        except EvaluationError:
+            return None
+
+    def summary(self, truth: TimedPoses | None) -> dict[str, Any]:
+        """Return what came out, for people and for machines."""
+        last, trajectory, error = self.last, self.trajectory(), self.error(truth)
+        times_ms = [frame.total_ms for frame in self.frames]
+        features = [frame.update.output.feature_quality for frame in self.frames if frame.update.output is not None]
+        return {
+            "frames": len(self.frames),
+            "seconds": (self.frames[-1].t_ns - self.frames[0].t_ns) * 1e-9 if self.frames else 0.0,
+            "states": dict(self.states()),
+            "ended": None if last is None else last.state.value,
+            "reason": None if last is None else last.update.health.reason,
+            "poses": len(trajectory),
+            "path_m": trajectory.path_length_m(),
+            "sigma_m": None if last is None else last.sigma_m,
+            "tracked_median": _quantile([one.tracked for one in features], 50),
+            "ate_m": None if error is None else error.rmse_m,
+            "true_path_m": None if error is None else error.path_m,
+            "scale_error": None if error is None else 1.0 / error.scale - 1.0,
+            "ms_median": _quantile(times_ms, 50),
+            "ms_95": _quantile(times_ms, 95),
+            "dropped": 0 if last is None else last.update.dropped,
+            "resets": 0 if last is None else last.update.report.resets,
+            **({"engine": dict(last.update.report.counters)} if last and last.update.report.counters else {}),
+        }
+
+
+def tum_lines(trajectory: TimedPoses) -> list[str]:
+    """Return a trajectory as lines ``t x y z qx qy qz qw``, t in s (TUM's format)."""
+    lines = []
+    for t_ns, position, quat in zip(
+        trajectory.t_ns.tolist(), trajectory.positions_xyz, trajectory.quats_wxyz, strict=True
+    ):
+        numbers = [*position.tolist(), *quat[1:].tolist(), float(quat[0])]
+        lines.append(f"{Decimal(t_ns).scaleb(-9):f} " + " ".join(f"{number:.9g}" for number in numbers))
+    return lines
+
+
+def _quantile(values: list[Any], percent: float) -> float | None:
+    return float(np.percentile(values, percent)) if values else None

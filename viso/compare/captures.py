@@ -1,0 +1,269 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Captures: each message again into a vehicle, and what the autopilot made of it beside what the vehicle does."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from ap_core.log_structure import UNITS, LogStructure
+from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import COMMAND_ACK
+from viso.compare.agreement import Comparison, Difference, sequence_differences
+from viso.compare.rules import ABOUT_VISUAL_ODOM, CAPTURE, TEXT_EXCEPTIONS, Tolerance, tolerances_of
+from viso.documents import parsed_json
+from viso.errors import InputError
+from viso.files.float_bits import float_of
+from viso.files.text_files import read_lines
+from viso.firmware.releases import Firmware
+from viso.logs.sink import LogSink
+from viso.replay.run import ReplaySetup, run_replay
+from viso.streams.stream_kinds import read_capture
+from viso.terminal.ahrs import AhrsChoice, ahrs_maker
+
+_STRUCTURES: Final = {structure.name: structure for structure in LOG_STRUCTURE_FROM_VISUALODOM}
+_SCALED: Final = {("s", "F"): "us", ("s", "C"): "ms", ("h", "0"): "deg"}
+_MAV_BACKEND: Final = 1
+
+Line = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """What an autopilot made of each message of a stream.
+
+    The header is the first line, with ``params``, ``statustext``, ``command_ack``; the others have ``arrival_us``,
+    ``type`` and ``out``.
+    """
+
+    header: Mapping[str, Any]
+    lines: Sequence[Line]
+
+    @property
+    def backend(self) -> int:
+        """The value of VISO_TYPE."""
+        return int(self.header["params"].get("VISO_TYPE", 0))
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """What the vehicle made of it: lines with ``verdict``, severity and text, command and result, in their order."""
+
+    lines: Sequence[Line]
+    texts: Sequence[tuple[int, str]]
+    acks: Sequence[tuple[int, int]]
+
+
+def read_recorded(path: Path) -> Capture:
+    """Read what a capture holds beside its stream. Raises InputError that names the file, the line and the field."""
+    header: Mapping[str, Any] = {}
+    lines: list[Line] = []
+    for number, text in read_lines(path):
+        try:
+            line = parsed_json(text)
+            if not header:
+                _check_header(line)
+                header = line
+            else:
+                _check_line(line)
+                lines.append(line)
+        except ValueError as error:
+            raise InputError(f"{path}:{number}: {error}") from error
+    return Capture(header, lines)
+
+
+def _check_header(line: Any) -> None:
+    for field, kinds in (("statustext", (int, str)), ("command_ack", (int, int))):
+        pairs = line.get(field, [])
+        if not isinstance(pairs, list) or not all(_is_row(pair, kinds) for pair in pairs):
+            raise ValueError(f"{field!r} is not a list of pairs of {' and '.join(kind.__name__ for kind in kinds)}")
+
+
+def _is_row(values: Any, kinds: Sequence[type]) -> bool:
+    if not isinstance(values, list) or len(values) != len(kinds):
+        return False
+    return all(isinstance(value, kind) for value, kind in zip(values, kinds, strict=True))
+
+
+def _check_line(line: Any) -> None:
+    if not isinstance(line, dict) or not isinstance(line.get("type"), str):
+        raise ValueError("'type' is not the name of a message")
+    records = line.get("out")
+    if not isinstance(records, list):
+        raise ValueError("'out' is not a list of records")
+    for record in records:
+        name = record[0] if isinstance(record, list) and record else None
+        structure = _STRUCTURES.get(name) if isinstance(name, str) else None
+        if structure is None or len(record) != 1 + len(structure.fields):
+            raise ValueError(f"'out' has what is no record of {', '.join(_STRUCTURES)}: {str(record)[:60]}")
+        for label, char, value in zip(structure.fields, structure.format, record[1:], strict=True):
+            if char == "f":
+                float_of(value)
+            elif type(value) is not int:
+                raise ValueError(f"{name}.{label} is not a whole number: {value!r}")
+
+
+def log_beside(path: Path) -> Path | None:
+    """Return the log of the same name beside a capture, or in ``logs`` beside its folder; None if there is none."""
+    stem = path.name.removesuffix(".gz").removesuffix(".jsonl")
+    folders = (path.parent, path.parent.parent / "logs")
+    places = [folder / f"{stem}{ending}" for folder in folders for ending in (".BIN", ".BIN.xz")]
+    return next((place for place in places if place.is_file()), None)
+
+
+def play(
+    path: Path,
+    firmware: Firmware,
+    *,
+    open_log: Callable[[], LogSink] | None = None,
+    on_progress: Callable[[int, int], None] = lambda _done, _all: None,
+) -> Played:
+    """Play a capture, with the attitude and position of the log beside it if there is one.
+
+    ``on_progress`` is told how many messages were played, and how many there are. Raises InputError if the capture or
+    its log cannot be used.
+    """
+    stream = read_capture(path)
+    make_ahrs = ahrs_maker(AhrsChoice(log_beside(path)))
+    lines: list[Line] = []
+    sent = Codec(0, 0)
+    outcome = run_replay(
+        stream,
+        stream.params,
+        ReplaySetup(make_ahrs, stream.baud, firmware=firmware),
+        open_log=open_log,
+        on_message=lambda message: lines.append(message.as_dict()),
+        on_progress=lambda done: on_progress(done, len(stream.messages)),
+        on_sent=sent.feed,
+    )
+    return Played(lines, [(severity, text) for _, severity, text in outcome.texts], list(_acks(sent)))
+
+
+def _acks(sent: Codec) -> Iterator[tuple[int, int]]:
+    while (received := sent.next_received()) is not None:
+        message = received.message if isinstance(received, Received) else None
+        if isinstance(message, COMMAND_ACK):
+            yield int(message.command), int(message.result)
+
+
+# Differences
+
+
+def record_differences(recorded: Sequence[Line], ours: Sequence[Line], backend: int) -> Iterator[Difference]:
+    """Yield what differs in the records that messages made; ``backend`` is VISO_TYPE, on which tolerances depend."""
+    tolerances = tolerances_of(CAPTURE, backend)
+    if len(recorded) != len(ours):
+        yield Difference("end", "messages", str(len(recorded)), str(len(ours)))
+    for number, (theirs, line) in enumerate(zip(recorded, ours, strict=False), 2):
+        place = f"line {number}"
+        for key in ("arrival_us", "type"):
+            if theirs.get(key) != line[key]:
+                yield Difference(place, key, str(theirs.get(key)), str(line[key]))
+        names = [[record[0] for record in one["out"]] for one in (theirs, line)]
+        if names[0] != names[1]:
+            yield Difference(place, "records", *(", ".join(one) or "none" for one in names))
+            continue
+        for before, after in zip(theirs["out"], line["out"], strict=True):
+            if before != after:
+                yield from _field_differences(place, _STRUCTURES[before[0]], before[1:], after[1:], tolerances)
+
+
+def _field_differences(
+    place: str,
+    structure: LogStructure,
+    recorded: Sequence[Any],
+    ours: Sequence[Any],
+    tolerances: Mapping[str, Tolerance],
+) -> Iterator[Difference]:
+    units = dict(UNITS)
+    for index, (label, theirs, value) in enumerate(zip(structure.fields, recorded, ours, strict=True)):
+        field = f"{structure.name}.{label}"
+        if not is_close(theirs, value, tolerances.get(field)):
+            kind = structure.units[index], structure.multipliers[index]
+            unit = _SCALED.get(kind, units[kind[0]])
+            yield Difference(place, field, _shown(theirs), _shown(value), unit)
+
+
+def is_close(recorded: Any, ours: Any, tolerance: Tolerance | None) -> bool:
+    """Return whether two values of a field, floats in hex, are the same, or as near as they have to be."""
+    if recorded == ours or tolerance is None:
+        return bool(recorded == ours)
+    theirs, mine = (float(float_of(one)) if isinstance(one, str) else one for one in (recorded, ours))
+    difference = theirs - mine
+    if tolerance.is_angle and math.isfinite(difference):
+        difference = math.remainder(difference, 360)
+    return bool(abs(difference) <= tolerance.within)
+
+
+def _shown(value: Any) -> str:
+    return f"{float_of(value):.9g}" if isinstance(value, str) else str(value)
+
+
+def text_differences(capture: Capture, texts: Sequence[tuple[int, str]]) -> Iterator[Difference]:
+    """Yield what differs between recorded texts about visual odometry and ours, and in the severity of all texts."""
+    said = [(severity, text) for severity, text in capture.header["statustext"]]
+    theirs, ours = ([text for _, text in one if text.startswith(ABOUT_VISUAL_ODOM)] for one in (said, texts))
+    which = capture.header.get("name"), len(capture.lines)
+    for exception in TEXT_EXCEPTIONS:
+        known = Counter(exception.recorded) <= Counter(theirs) and Counter(exception.ours) <= Counter(ours)
+        if known and theirs != ours and (exception.name, exception.messages) == which:
+            theirs, ours = _without(theirs, exception.recorded), _without(ours, exception.ours)
+    yield from sequence_differences("texts", "STATUSTEXT.text", theirs, ours)
+    severities = {text: severity for severity, text in said}
+    for severity, text in dict.fromkeys(texts):
+        if severity != severities.get(text, severity):
+            yield Difference(f"text {text!r}", "STATUSTEXT.severity", str(severities[text]), str(severity))
+
+
+def _without(texts: Sequence[str], exceptions: Sequence[str]) -> list[str]:
+    """Leave out each exception once, the last of its kind."""
+    left = list(reversed(texts))
+    for exception in exceptions:
+        left.remove(exception)
+    return left[::-1]
+
+
+def ack_differences(recorded: Sequence[Sequence[int]], ours: Sequence[Sequence[int]]) -> Iterator[Difference]:
+    """Yield what differs in acknowledgements: command and result, in their order."""
+    theirs, mine = ([f"command {command} result {result}" for command, result in one] for one in (recorded, ours))
+    yield from sequence_differences("acknowledgements", "COMMAND_ACK", theirs, mine)
+
+
+def all_differences(capture: Capture, played: Played) -> Iterator[Difference]:
+    """Yield all that differs; what the capture does not hold is not compared."""
+    yield from record_differences(capture.lines, played.lines, capture.backend)
+    if "statustext" in capture.header:
+        yield from text_differences(capture, played.texts)
+    if "command_ack" in capture.header:
+        yield from ack_differences(capture.header["command_ack"], played.acks)
+
+
+def compare_capture(path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]) -> Comparison:
+    """Play a capture and compare. Raises InputError if it, or the log beside it, cannot be used."""
+    capture = read_recorded(path)
+    played = play(path, firmware, on_progress=on_progress)
+    records = [record for line in capture.lines for record in line["out"]]
+    beside = "statustext", "command_ack"
+    told = sum(len(capture.header.get(field, ())) for field in beside)
+    notes = [f"no {field!r} in the first line: not compared" for field in beside if field not in capture.header]
+    if capture.header.get("complete") is False:
+        notes.append("the recording is not complete")
+    if capture.backend > _MAV_BACKEND and log_beside(path) is None:
+        notes.append(
+            "no log beside it: VISO_TYPE 2 and 3 align to the AHRS of a vehicle that stands still, facing north"
+        )
+    return Comparison(
+        path,
+        CAPTURE,
+        firmware.name,
+        named,
+        len(capture.lines),
+        len(records),
+        sum(len(record) - 1 for record in records) + told,
+        tuple(all_differences(capture, played)),
+        tuple(notes),
+    )

@@ -1,0 +1,226 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Conversations: what a client asks, asked again of a vehicle, and the answers beside those that were recorded."""
+
+import dataclasses
+import json
+import math
+import struct
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Final
+
+from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.messages import MESSAGES, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
+from viso.compare.agreement import Comparison, Difference
+from viso.compare.rules import CONVERSATION, TIMES, UNASKED, tolerances_of
+from viso.documents import parsed_json
+from viso.errors import InputError
+from viso.files.text_files import read_lines
+from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.recording.fields import PAYLOAD_BYTES, filled
+from viso.running.virtual_time import Scheduler
+from viso.streams.capture import MAX_PARAMETER
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
+
+WAIT_MS: Final = 150
+"""For how long answers are waited for, where an exchange does not say."""
+_SHARE: Final = tolerances_of(CONVERSATION)["float"].within
+_LEAST: Final = 1e-12
+_NUMBERS: Final = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
+
+Exchange = Mapping[str, Any]
+
+
+def read_conversation(path: Path) -> tuple[Exchange, list[Exchange]]:
+    """Return what a conversation begins with, and its exchanges. Raises InputError that names file, line and field."""
+    head: Exchange = {}
+    exchanges: list[Exchange] = []
+    for number, text in read_lines(path):
+        try:
+            line = parsed_json(text)
+            if not head:
+                _check(line, {"params": dict})
+                _check_number(line, "begins_s", 86_400)
+                _check_number(line, "camera_hz", 1000)
+                for name in line["params"]:
+                    _check_number(line["params"], name, MAX_PARAMETER, least=-MAX_PARAMETER)
+                head = line
+            else:
+                _check(line, {"name": str, "send": list, "answers": list})
+                _check_answers(line)
+                _check_number({"wait_ms": WAIT_MS} | line, "wait_ms", 3_600_000)
+                for field in ("also show", "hide"):
+                    _check({field: []} | line, {field: list})
+                _check_sendable(line["send"])
+                exchanges.append(line)
+        except ValueError as error:
+            raise InputError(f"{path}:{number}: {error}") from error
+    return head, exchanges
+
+
+def _check(line: Any, fields: Mapping[str, Any]) -> None:
+    for field, kind in fields.items():
+        if not isinstance(line, dict) or not isinstance(line.get(field), kind):
+            raise ValueError(f"{field!r} is missing or of another kind")
+
+
+def _check_number(line: Any, field: str, most: float, least: float = 0.0) -> None:
+    value = line.get(field)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+        raise ValueError(f"{field!r} is no number from {least:g} to {most:g}: {value!r}")
+
+
+def _check_sendable(send: Any) -> None:
+    if len(send) != 2 or not isinstance(send[0], str) or not isinstance(send[1], dict):
+        raise ValueError("'send' is not a message's name and its fields")
+    try:
+        Codec(0, 0).encode(build(*send))
+    except (struct.error, TypeError, AttributeError) as error:
+        raise ValueError(f"'send' does not fit {send[0]}: {error}") from error
+
+
+def _check_answers(line: Exchange) -> None:
+    others = line.get("answers of", {})
+    if not isinstance(others, dict):
+        raise ValueError("'answers of' is not an object")
+    for answers in (line["answers"], *others.values()):
+        pairs = isinstance(answers, list) and all(isinstance(one, list) and len(one) == 2 for one in answers)
+        if not pairs or not all(isinstance(name, str) and isinstance(fields, dict) for name, fields in answers):
+            raise ValueError("'answers' is not a list of pairs of a message's name and its fields")
+
+
+def _number(value: Any) -> Any:
+    return _NUMBERS.get(value, value) if isinstance(value, str) else value
+
+
+def build(name: str, given: Mapping[str, Any]) -> Message:
+    """Return a message; fields that are not given are zero or empty. Raises ValueError for one that there is not."""
+    kind = MESSAGES.get(name)
+    if kind is None:
+        raise ValueError(f"'send' has no message that is known here: {name!r}")
+    if unknown := given.keys() - {field.name for field in dataclasses.fields(kind)}:
+        raise ValueError(f"{name} has no field {min(unknown)!r}")
+    return filled(kind, {field: _sendable(field, value) for field, value in given.items()})
+
+
+def _sendable(field: str, value: Any) -> Any:
+    if field == "payload":
+        return tuple(bytes.fromhex(value).ljust(PAYLOAD_BYTES, b"\0"))
+    return tuple(map(_number, value)) if isinstance(value, list) else _number(value)
+
+
+def is_equal(wanted: Any, got: Any) -> bool:
+    """Return whether a field holds what is wanted: bytes that begin with some, or numbers of float32."""
+    if isinstance(got, tuple) and isinstance(wanted, str):
+        return bytes(got).hex().startswith(wanted.lower())
+    if isinstance(got, tuple):
+        return isinstance(wanted, list) and len(got) == len(wanted) and all(map(is_equal, wanted, got))
+    wanted = _number(wanted)
+    if isinstance(got, float) and isinstance(wanted, int | float):
+        is_near = math.isclose(wanted, got, rel_tol=_SHARE, abs_tol=_LEAST)
+        return is_near or (math.isnan(wanted) and math.isnan(got))
+    return bool(wanted == got)
+
+
+class Conversation:
+    """A vehicle of a release, and a client that talks to it in virtual time.
+
+    ``specified`` are the releases that the exchanges name, if they say what each release answers: the reference, and
+    others where they answer otherwise. Later ones answer as these but for their version. It is empty for exchanges that
+    say what one release has answered.
+    """
+
+    def __init__(self, head: Exchange, firmware: Firmware, specified: Collection[str] = ()) -> None:
+        self._firmware = self._specified = firmware
+        if specified:
+            up_to = list(PROFILES.values())[: list(PROFILES).index(firmware.name) + 1]
+            self._specified = [firmware, *(one for one in up_to if one.name in specified)][-1]
+        vehicle = Vehicle(VehicleConfig(defaults=head["params"], firmware=firmware))
+        self._channel = vehicle.endpoint.open_channel("client")
+        self._scheduler = Scheduler(vehicle)
+        self._sender, self._reader = Codec(255, 190), Codec(255, 190)
+        self._period_us = round(1e6 / head["camera_hz"]) if head["camera_hz"] else 0
+        self._scheduler.run_until(round(head["begins_s"] * 1e6))
+        self._channel.take_output()
+
+    def _send(self, message: Message) -> None:
+        self._scheduler.deliver(self._channel, self._sender.encode(message))
+
+    def _wait(self, duration_ms: int) -> None:
+        end_us = self._scheduler.now_us + duration_ms * 1000
+        while self._period_us and self._scheduler.now_us + self._period_us <= end_us:
+            now_us = self._scheduler.now_us + self._period_us
+            self._scheduler.run_until(now_us)
+            self._send(VISION_POSITION_ESTIMATE(now_us, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0))
+            self._send(VISION_SPEED_ESTIMATE(now_us, 0.0, 0.0, 0.0))
+        self._scheduler.run_until(end_us)
+
+    def _received(self) -> Iterator[Message]:
+        self._reader.feed(self._channel.take_output())
+        while (received := self._reader.next_received()) is not None:
+            if isinstance(received, Received) and received.message is not None:
+                yield received.message
+
+    def _wanted(self, exchange: Exchange) -> Any:
+        own, before = self._firmware, self._specified
+        wanted = exchange.get("answers of", {}).get(before.name, exchange["answers"])
+        if before is own:
+            return wanted
+        text = json.dumps(wanted)
+        text = text.replace(str(before.sw_version), str(own.sw_version)).replace(before.banner, own.banner)
+        old_hash, own_hash = (json.dumps(list(one.source_hash.encode())) for one in (before, own))
+        return json.loads(text.replace(old_hash, own_hash))
+
+    def ask(self, exchange: Exchange) -> tuple[Sequence[tuple[str, Mapping[str, Any]]], Sequence[Message]]:
+        """Send what an exchange says; return the answers that it wants, and those that came."""
+        self._send(build(*exchange["send"]))
+        self._wait(exchange.get("wait_ms", WAIT_MS))
+        hidden = [*exchange.get("hide", ()), *(name for name in UNASKED if name not in exchange.get("also show", ()))]
+        return self._wanted(exchange), [one for one in self._received() if type(one).__name__ not in hidden]
+
+
+def answer_differences(
+    place: str, wanted: Sequence[tuple[str, Mapping[str, Any]]], got: Sequence[Message]
+) -> Iterator[Difference]:
+    """Yield what differs in the answers of an exchange."""
+    names = [name for name, _ in wanted], [type(message).__name__ for message in got]
+    if names[0] != names[1]:
+        yield Difference(place, "answers", *map(_listed, names))
+        return
+    for (name, fields), message in zip(wanted, got, strict=True):
+        for field, value in fields.items():
+            ours = getattr(message, field, None)
+            if field not in TIMES and not is_equal(value, ours):
+                yield Difference(place, f"{name}.{field}", str(value), str(ours))
+
+
+def _listed(names: Sequence[str]) -> str:
+    runs = ((name, len(list(run))) for name, run in groupby(names))
+    return ", ".join(name if count == 1 else f"{count} {name}" for name, count in runs) or "none"
+
+
+def specified_in(exchanges: Sequence[Exchange]) -> set[str]:
+    """Return the releases whose answers exchanges say; none of exchanges that were recorded."""
+    others = {name for exchange in exchanges for name in exchange.get("answers of", ())}
+    return others and others | {REFERENCE.name}
+
+
+def compare_conversation(
+    path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]
+) -> Comparison:
+    """Hold a conversation with a vehicle and compare. Raises InputError if it cannot be used."""
+    head, exchanges = read_conversation(path)
+    conversation = Conversation(head, firmware, specified_in(exchanges))
+    differences: list[Difference] = []
+    answers = fields = 0
+    for done, exchange in enumerate(exchanges, 1):
+        wanted, got = conversation.ask(exchange)
+        differences += answer_differences(exchange["name"], wanted, got)
+        answers += len(wanted)
+        fields += sum(len(one.keys() - TIMES) for _, one in wanted)
+        on_progress(done, len(exchanges))
+    return Comparison(
+        path, CONVERSATION, firmware.name, named, len(exchanges), answers, answers + fields, tuple(differences)
+    )

@@ -1,0 +1,368 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs the filter over the replay records of a log, beside the estimates that the log holds."""
+
+import math
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from ap_core.dataflash_columns import LogColumns
+from ap_core.location import Location
+from ap_core.log_structure import ERR, EV, MSG, ORGN, QUIET_NAN
+from ekf_stub.inputs.inertial import Array
+from ekf_stub.log.ekf_log import PERIOD_US
+from ekf_stub.reports.core_report import CoreReport
+from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
+from viso.compare.ekf.frames import AFTER_THE_FILTER, Frames
+from viso.compare.ekf.output import EkfOutput
+from viso.compare.ekf.place import declination_of, field_of
+from viso.compare.ekf.player import EkfPlayer
+from viso.errors import InputError
+from viso.firmware.flown import profile_for, version_in
+from viso.firmware.releases import REFERENCE, Firmware
+from viso.logs.event_names import ERR_EKF_PRIMARY, EV_SOURCE_SET_1, EV_YAW_RESET
+from viso.logs.record_fields import RecordError, finite, text, whole
+from viso.logs.recorded import places_of, read_columns, records_in
+from viso.logs.vehicle_log import ORGN_EKF
+from viso.parameters.left_out import left_out
+
+LABELS: Final = (
+    *("Roll", "Pitch", "Yaw", "VN", "VE", "VD", "PN", "PE", "PD"),
+    *("IVN", "IVE", "IVD", "IPN", "IPE", "IPD", "SV", "SP", "SH", "OFN", "OFE", "TS", "SS"),
+)
+"""What is compared, by the labels of XKF1, XKF3 and XKF4; angles in deg."""
+
+Texts = list[tuple[float, str]]
+"""Times in s, and texts."""
+
+LANE_TEXTS: Final = ("EKF3 lane switch", "EKF primary changed")
+_NO_REPLAY: Final = "no replay records; LOG_REPLAY was off, or the EKF was"
+_COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
+_READ: Final = (
+    *("PARM", "MSG", "RFRN", "RISH", "RBRH", "RBRI", "RMGH", "RMGI", "RVOH", "RRNH", "RRNI", "RGPH", "RGPI", "RGPJ"),
+    *AFTER_THE_FILTER,
+    *("XKF1", "XKF3"),
+)
+"""What is read record by record; RFRH, RISI and RFRF, of which each frame has some, are read by columns."""
+
+_PROGRESS_FRAMES: Final = 1000
+
+
+@dataclass(frozen=True)
+class EkfReplay:
+    """What a core of the filter and of the log says at the log's times.
+
+    Attributes:
+        time_s: shape (n,), since boot.
+        ours, recorded: shape (n,) each, by label.
+        our_texts, recorded_texts: what the core says, without the beginning that names it.
+    """
+
+    time_s: Array
+    ours: dict[str, Array]
+    recorded: dict[str, Array]
+    our_texts: Texts
+    recorded_texts: Texts
+
+    def until(self, end_s: float) -> "EkfReplay":
+        """Return what was said up to a time."""
+        kept = self.time_s <= end_s
+        return EkfReplay(
+            self.time_s[kept],
+            {label: values[kept] for label, values in self.ours.items()},
+            {label: values[kept] for label, values in self.recorded.items()},
+            until(self.our_texts, end_s),
+            until(self.recorded_texts, end_s),
+        )
+
+
+def until(texts: Texts, end_s: float) -> Texts:
+    """Return the texts up to a time."""
+    return [entry for entry in texts if entry[0] <= end_s]
+
+
+class NothingToCompare(InputError):
+    """A file is no recording whose outputs can be compared: a log without replay records or estimates, for one."""
+
+
+class _Row(NamedTuple):
+    """The estimates of a moment, by label."""
+
+    time_s: float
+    ours: dict[str, float]
+    recorded: dict[str, float]
+
+
+class EkfRun:
+    """One run of the filter over a log (.BIN or .BIN.xz), up to where it is interrupted.
+
+    Args:
+        until_s: where to end, since boot.
+        core: the number of the core to run, None for all.
+        firmware: the release that it is run as; None for the one nearest to what the log was written by.
+
+    Attributes:
+        firmware: the release; None before it is known.
+        frames: how many have been run.
+        output: the log that comes of it.
+        notes: what the log's parameters ask for in vain, a line each.
+        our_lanes, recorded_lanes: the texts of changes of the primary core.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        until_s: float = math.inf,
+        core: int | None = None,
+        firmware: Firmware | None = None,
+    ) -> None:
+        self._path = path
+        self._until_s = until_s
+        self._core = core
+        self.firmware = firmware
+        self._defaults: dict[str, float] = {}
+        self._player: EkfPlayer | None = None
+        self.output = EkfOutput(lambda: self._playing.primary)
+        self._rows: defaultdict[int, list[_Row]] = defaultdict(list)
+        self._our_texts: defaultdict[int, Texts] = defaultdict(list)
+        self._recorded_texts: defaultdict[int, Texts] = defaultdict(list)
+        self.notes: tuple[str, ...] = ()
+        self.our_lanes: Texts = []
+        self.recorded_lanes: Texts = []
+        self._yaw_reset_ms = 0
+        self._primary = core or 0  # as Copter begins, unless one core is all there is
+        self._has_estimates = False
+        self._next_us = 0
+
+    @property
+    def _playing(self) -> EkfPlayer:
+        assert self._player is not None
+        return self._player
+
+    @property
+    def imus(self) -> dict[int, int]:
+        """The IMU of each core that is run, by the core's number."""
+        return {} if self._player is None else self._player.imus
+
+    @property
+    def frames(self) -> int:
+        """How many frames have been run."""
+        return 0 if self._player is None else self._player.next_frame
+
+    @property
+    def _time_us(self) -> int:
+        return 0 if self._player is None else self._player.time_us
+
+    @property
+    def time_s(self) -> float:
+        """How far it has come, since boot."""
+        return self._time_us / 1e6
+
+    def run(self, on_progress: Callable[[int, int], None] = lambda _frames, _all: None) -> None:
+        """Run to the end.
+
+        Args:
+            on_progress: told the frames that have been, and how many there are, a few times per second.
+
+        Raises:
+            NothingToCompare: the log has no replay records.
+            InputError: the log cannot be read, or the filter cannot be run over it.
+        """
+        log = read_columns(self._path)
+        if not log.counts.get("RFRH"):
+            raise NothingToCompare(f"{self._path}: {_NO_REPLAY}")
+        try:
+            self._play(log, on_progress)
+        except RecordError as error:
+            raise InputError(f"{self._path}: {error} (at {self.time_s:.3f} s)") from error
+        if self._playing.lanes is None:
+            raise InputError(f"{self._path}: {_NO_REPLAY}")
+
+    def _play(self, log: LogColumns, on_progress: Callable[[int, int], None]) -> None:
+        frames = Frames(log, self._until_s * 1e6)
+        player = self._player = EkfPlayer(self, frames, self._core)
+        self._has_estimates = bool(log.counts.get("XKF4"))
+        self.firmware = self.firmware or recorded_firmware(log) or REFERENCE
+        player.release = self.firmware.ekf
+        player.place_declination = declination_of(records_in(log, ["RMGH"]))
+        player.place_field = field_of(records_in(log, ["MSG", "XKF2"]), player.place_declination)
+        shown = 0
+        problem = frames.problem()
+        places = places_of(log, _READ)
+        times_us = np.append(0, frames.begin_times_us)[np.searchsorted(frames.begins, places)].tolist()
+        for place, time_us, record in zip(places.tolist(), times_us, records_in(log, _READ), strict=True):
+            if place >= frames.end or (problem is not None and place > problem[0]):
+                break
+            self._run_until(place)
+            if frames.begins[0] < place:
+                player.time_us = max(time_us, player.time_us)
+                self._begin_output()
+            self._take(record)
+            if player.next_frame - shown >= _PROGRESS_FRAMES:
+                shown = player.next_frame
+                on_progress(shown, len(frames))
+        self._run_until(frames.end if problem is None else problem[0])
+        if problem is not None and problem[0] < frames.end:
+            begun = np.searchsorted(frames.begins, problem[0], side="right") - 1
+            player.time_us = max(player.time_us, int(frames.begin_times_us[begun]))
+            raise problem[1]
+
+    def _run_until(self, place: int) -> None:
+        """Run the frames that come before a place in the log; write estimates where the log has none of its own."""
+        player = self._playing
+        if self._has_estimates:
+            player.run_until(place, math.inf)
+            return
+        before = -1
+        while before != player.next_frame:
+            before = player.next_frame
+            player.run_until(place, self._next_us)
+            if player.lanes is not None and player.next_frame > before and player.time_us >= self._next_us:
+                self._next_us = player.time_us + PERIOD_US
+                self._write_estimates()
+
+    def comparison(self, core: int = 0) -> EkfReplay | None:
+        """Return what can be compared of a core; None when the log has no estimates of its own."""
+        rows = [row for row in self._rows[core] if len(row.recorded) == len(LABELS)]
+        if not rows:
+            return None
+        return EkfReplay(
+            np.array([row.time_s for row in rows]),
+            {label: np.array([row.ours[label] for row in rows]) for label in LABELS},
+            {label: np.array([row.recorded[label] for row in rows]) for label in LABELS},
+            self._our_texts[core],
+            self._recorded_texts[core],
+        )
+
+    # Records
+
+    def _take(self, record: Any) -> None:
+        kind = record.get_type()
+        if kind == "PARM":
+            self._playing.take(record)
+            self._take_parm(record)
+        elif kind == "MSG":
+            self._take_text(record)
+        elif kind in _COMPARED:
+            if whole(record, "C")[0] in self.imus:
+                self._take_estimates(record)
+        else:
+            self._playing.take(record)
+            self._note_jumps()
+
+    def _begin_output(self) -> None:
+        if self.output.is_empty:
+            params = self._playing.params
+            rows = ((name, value, self._defaults[name]) for name, value in params.items())
+            self.output.begin(rows, self._time_us)
+            self.notes = left_out(params)
+            for note in self.notes:
+                self.output.write(MSG, (self._time_us, note))
+
+    def passed(self) -> None:
+        """Log what the cores write by themselves, and what the vehicle notes of them."""
+        self._begin_output()
+        for number, core in self._playing.cores.items():
+            self.output.passed(number, core, self._time_us)
+        self._note_jumps()
+
+    def _write_estimates(self) -> None:
+        for number in self.imus:
+            self.output.estimates(number, self._playing.report(number), self._time_us)
+
+    def _note_jumps(self) -> None:
+        """Log what the vehicle notes of its estimator (Copter::check_ekf_reset)."""
+        lanes, now_us = self._playing.lanes, self._time_us
+        if lanes is None:
+            return
+        if lanes.yaw_reset_ms > self._yaw_reset_ms:
+            self.output.write(EV, (now_us, EV_YAW_RESET))
+        self._yaw_reset_ms = lanes.yaw_reset_ms
+        if lanes.primary_filter.initialised and self._playing.primary != self._primary:
+            self._primary = self._playing.primary
+            self.output.write(ERR, (now_us, ERR_EKF_PRIMARY, self._primary))
+            self.send_text(MAV_SEVERITY_WARNING, f"EKF primary changed:{self._primary}")
+
+    def _take_parm(self, record: Any) -> None:
+        name, default = text(record, "Name"), getattr(record, "Default", None)  # logs of older releases have none
+        self._defaults[name] = default if isinstance(default, float) else float(QUIET_NAN)
+        if not self.output.is_empty:
+            self.output.parameter(name, self._playing.params[name], self._time_us)
+
+    def _take_text(self, record: Any) -> None:
+        message = text(record, "Message")
+        (time_us,) = whole(record, "TimeUS")
+        self._sort_text(time_us / 1e6, message.rstrip(), self._recorded_texts, self.recorded_lanes)
+
+    def _sort_text(self, time_s: float, message: str, by_core: defaultdict[int, Texts], lanes: Texts) -> None:
+        if message.startswith(LANE_TEXTS):
+            lanes.append((time_s, message))
+        for number, imu in self.imus.items():
+            prefix = f"EKF3 IMU{imu} "
+            if message.startswith(prefix):
+                by_core[number].append((time_s, message.removeprefix(prefix)))
+
+    def _take_estimates(self, record: Any) -> None:
+        time_us, number = whole(record, "TimeUS", "C")
+        rows, core = self._rows[number], self._playing.cores.get(number)
+        if record.get_type() == "XKF4":
+            if number == next(iter(self.imus)):
+                self._write_estimates()
+            if core is not None and core.initialised:
+                rows.append(_Row(time_us / 1e6, _ours(self._playing.report(number)), {}))
+        if rows and rows[-1].time_s == time_us / 1e6:
+            labels = [label for label in LABELS if hasattr(record, label)]
+            rows[-1].recorded.update(zip(labels, finite(record, *labels), strict=True))
+
+    # What the filter says
+
+    def send_text(self, _severity: int, message: str) -> None:
+        """Note and log a text."""
+        self.output.write(MSG, (self._time_us, message))
+        self._sort_text(self.time_s, message, self._our_texts, self.our_lanes)
+
+    def source_set(self, index: int) -> None:
+        """Log that a source set was chosen."""
+        self.output.write(EV, (self._time_us, EV_SOURCE_SET_1 + index))
+
+    def origin(self, place: Location) -> None:
+        """Log the origin that was set."""
+        self.output.write(ORGN, (self._time_us, ORGN_EKF, place.lat, place.lng, place.alt_cm))
+
+
+def recorded_firmware(log: LogColumns) -> Firmware | None:
+    """Return the profile that is nearest to what a log was written by; None if it does not tell."""
+    messages = (text(record, "Message") for record in records_in(log, ["MSG"]))
+    flown = next((version for message in messages if (version := version_in(message)) is not None), None)
+    if flown is None:
+        return None
+    return profile_for(flown, {text(record, "Name") for record in records_in(log, ["PARM"])})
+
+
+def _ours(report: CoreReport) -> dict[str, float]:
+    roll, pitch, yaw = map(math.degrees, report.rpy_rad)
+    values = (
+        *(roll, pitch, yaw % 360, *report.vel_ned, *report.pos_ned, *report.vel_innovation, *report.pos_innovation),
+        *map(math.sqrt, (report.vel_ratio, report.pos_ratio, report.height_ratio)),
+        *(*report.moved_ne, report.timeouts, report.flags),
+    )
+    return dict(zip(LABELS, values, strict=True))
+
+
+def replay_ekf(path: Path, *, until_s: float = math.inf, firmware: Firmware | None = None) -> EkfReplay:
+    """Run the first core of the filter over a log, up to a time since boot.
+
+    Raises InputError if the log cannot be read, or has no replay records, or no estimates.
+    """
+    run = EkfRun(path, until_s=until_s, core=0, firmware=firmware)
+    run.run()
+    replay = run.comparison()
+    if replay is None:
+        raise InputError(f"{path}: no XKF records to compare with")
+    return replay

@@ -1,0 +1,185 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recordings of an autopilot, whatever their kind: which release they tell, and how far they agree with a profile."""
+
+import calendar
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+from viso.compare import rules
+from viso.compare.agreement import Comparison
+from viso.compare.captures import compare_capture, log_beside
+from viso.compare.conversations import compare_conversation, read_conversation, specified_in
+from viso.compare.ekf.run import NothingToCompare
+from viso.compare.logs import compare_log, told_by_log
+from viso.compare.vectors import compare_vectors
+from viso.documents import parsed_json
+from viso.errors import InputError
+from viso.files.text_files import read_lines
+from viso.firmware.flown import profile_for, version_in
+from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+
+Progress = Callable[[int, int], None]
+"""Told how much was done, and how much there is."""
+
+
+class RecordingKind(NamedTuple):
+    """A kind of recordings.
+
+    Attributes:
+        content: what it holds.
+        begins: tells by the first line of a JSON file whether it is one; None for a kind with endings of its own.
+        endings: of names, in small letters.
+        told: returns the profile of the release that a recording names, or None.
+        compare: holds a recording against a profile, given the name of the one that it tells, empty for none, and who
+            is told how much was done, and how much there is.
+    """
+
+    content: str
+    endings: tuple[str, ...]
+    begins: Callable[[Any], bool] | None
+    told: Callable[[Path], Firmware | None]
+    compare: Callable[[Path, Firmware, str, Progress], Comparison]
+
+
+_LINES: Final = (".jsonl", ".jsonl.gz")
+
+
+def _first_line(path: Path) -> Any:
+    for number, text in read_lines(path):
+        try:
+            return parsed_json(text)
+        except ValueError as error:
+            raise InputError(f"{path}:{number}: {error}") from error
+    raise InputError(f"{path}: empty")
+
+
+def firmware_in(text: str) -> Firmware | None:
+    """Return the profile that a recording's words for its firmware name: month and year of a master, or a version."""
+    dates = ((one, calendar.month_name[int(one.date[5:])], one.date[:4]) for one in PROFILES.values())
+    by_month = next((one for one, month, year in dates if f"{month} {year}" in text), None)
+    flown = version_in(text)
+    return by_month or (None if flown is None else profile_for(flown, ()))
+
+
+def _told_by_header(path: Path) -> Firmware | None:
+    return firmware_in(str(_first_line(path).get("firmware", "")))
+
+
+def _told_by_capture(path: Path) -> Firmware | None:
+    log = log_beside(path)
+    return _told_by_header(path) or (None if log is None else told_by_log(log))
+
+
+def _told_by_conversation(path: Path) -> Firmware | None:
+    # One that says what each release answers is held with the reference.
+    return _told_by_header(path) or (REFERENCE if specified_in(read_conversation(path)[1]) else None)
+
+
+def _has(*fields: str) -> Callable[[Any], bool]:
+    return lambda line: isinstance(line, dict) and any(field in line for field in fields)
+
+
+RECORDING_KINDS: Final[Mapping[str, RecordingKind]] = MappingProxyType(
+    {
+        rules.VECTORS: RecordingKind(
+            "calls of the library, of its maths and of the time correction, with what came of them",
+            _LINES,
+            lambda line: isinstance(line, list) or _has("steps", "samples")(line),
+            lambda _path: None,
+            compare_vectors,
+        ),
+        rules.CONVERSATION: RecordingKind(
+            "messages of a client, with the answers",
+            _LINES,
+            _has("begins_s"),
+            _told_by_conversation,
+            compare_conversation,
+        ),
+        rules.CAPTURE: RecordingKind(
+            "messages of a camera, with the records, texts and acknowledgements that came of them",
+            _LINES,
+            _has("params"),
+            _told_by_capture,
+            compare_capture,
+        ),
+        rules.LOG: RecordingKind(
+            "a log with replay records (LOG_REPLAY), with what the filter made of them",
+            (".bin", ".bin.xz"),
+            None,
+            told_by_log,
+            compare_log,
+        ),
+    }
+)
+
+
+def kind_of(path: Path) -> RecordingKind:
+    """Return the kind of a recording, by its ending and first line.
+
+    Raises NothingToCompare if it is of no such kind, InputError if it cannot be read.
+    """
+    fitting = [kind for kind in RECORDING_KINDS.values() if path.name.lower().endswith(kind.endings)]
+    if not fitting:
+        endings = ", ".join(dict.fromkeys(one for kind in RECORDING_KINDS.values() for one in kind.endings))
+        raise NothingToCompare(f"{path}: by its ending no recording that can be compared; there are {endings}")
+    if len(fitting) == 1:
+        return fitting[0]
+    line = _first_line(path)
+    for kind in fitting:
+        if kind.begins is not None and kind.begins(line):
+            return kind
+    raise NothingToCompare(f"{path}:1: neither a capture ('params'), a conversation ('begins_s') nor vectors")
+
+
+def recordings_in(paths: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
+    """Yield recordings, those of folders by their endings; whether of a folder. Raises InputError if one has none."""
+    endings = tuple(one for kind in RECORDING_KINDS.values() for one in kind.endings)
+    for path in paths:
+        if not path.is_dir():
+            yield path, False
+            continue
+        found = sorted(one for one in path.rglob("*") if one.name.lower().endswith(endings) and one.is_file())
+        if not found:
+            raise InputError(f"{path}: a folder without recordings ({', '.join(dict.fromkeys(endings))})")
+        yield from ((one, True) for one in found)
+
+
+def compare_recording(
+    path: Path, firmware: Firmware | None = None, on_progress: Progress = lambda _done, _all: None
+) -> Comparison:
+    """Hold a recording against a profile: None for the one that it names, or for what it is most like if it names none.
+
+    Raises InputError if the recording cannot be used.
+    """
+    kind = kind_of(path)
+    told = kind.told(path)
+    if firmware is None and told is None:
+        found = compare_with_all(path, on_progress)
+        names = most_like([found])
+        best = found[names[0]]
+        return replace(best, notes=(*best.notes, f"it names no release; it is most like {' and '.join(names)}"))
+    return kind.compare(path, firmware or told or REFERENCE, _name(told), on_progress)
+
+
+def _name(firmware: Firmware | None) -> str:
+    return "" if firmware is None else firmware.name
+
+
+def compare_with_all(path: Path, on_progress: Progress) -> dict[str, Comparison]:
+    """Hold a recording against each profile, by name. Raises InputError if it cannot be used."""
+    kind = kind_of(path)
+    named = _name(kind.told(path))
+    return {name: kind.compare(path, profile, named, on_progress) for name, profile in PROFILES.items()}
+
+
+def most_like(found: Iterable[Mapping[str, Comparison]]) -> list[str]:
+    """Return the profiles under which the fewest fields of all recordings differ, the reference first among equals."""
+    totals = dict.fromkeys([REFERENCE.name, *PROFILES], 0)
+    for comparisons in found:
+        for name, comparison in comparisons.items():
+            totals[name] += len(comparison.differences)
+    return [name for name, total in totals.items() if total == min(totals.values())]

@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether the innovations of one replay are larger than those of another by more than chance.
+
+Both replays have the same samples, so they are compared span of time by span of time: what differs in all of a flight
+alike is no chance, what comes from a single moment may be.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from viso.compare.figures import BY_TIME, Row
+
+SIGMAS: Final = 2.0
+"""By more than so many deviations is more than chance."""
+
+_FEWEST_SPANS: Final = 8
+_COLUMNS: Final = {"nis": 2, "rms": 3}  # of a row of BY_TIME
+
+
+class Surplus(NamedTuple):
+    """By how much the mean square of innovations is larger than another, and one standard deviation of that."""
+
+    value: float
+    sigma: float
+
+    @property
+    def is_chance(self) -> bool:
+        """Whether it may be chance alone."""
+        return abs(self.value) <= SIGMAS * self.sigma
+
+
+def surplus(row: Row, other: Row, objective: str = "nis") -> Surplus | None:
+    """Return by how much a row's innovations are larger than those of another row of the same stream.
+
+    None where the objective (nis, nis_... or rms_..., squared) is not made of innovations, or there are too few.
+    """
+    if not (row.get(BY_TIME) and other.get(BY_TIME)):
+        return None
+    span_s = max(one[BY_TIME]["span_s"] for one in (row, other))
+    (counts, sums), (other_counts, other_sums) = (_spans(one, objective, span_s) for one in (row, other))
+    count, other_count = sum(counts.values()), sum(other_counts.values())
+    numbers = sorted({*counts, *other_counts})
+    if len(numbers) < _FEWEST_SPANS or not (count and other_count):
+        return None
+    parts = [sums.get(number, 0.0) / count - other_sums.get(number, 0.0) / other_count for number in numbers]
+    return Surplus(math.fsum(parts), float(np.std(parts, ddof=1)) * math.sqrt(len(parts)))
+
+
+def _spans(row: Row, objective: str, span_s: int) -> tuple[dict[int, float], dict[int, float]]:
+    """Return how many samples there are in each span, and the sum of their squares."""
+    what, _, kind = objective.partition("_")
+    counts: dict[int, float] = {}
+    sums: dict[int, float] = {}
+    for of_kind, spans in row[BY_TIME]["sums"].items():
+        for span in spans if what in _COLUMNS and kind in ("", of_kind) else ():
+            number = int(span[0]) * row[BY_TIME]["span_s"] // span_s
+            counts[number] = counts.get(number, 0.0) + span[1]
+            sums[number] = sums.get(number, 0.0) + span[_COLUMNS[what]]
+    return counts, sums

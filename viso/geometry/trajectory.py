@@ -1,0 +1,202 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A trajectory as an odometry recorded it: where it was and how it was turned, at increasing times."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from viso.geometry.se3 import Array, read_only
+
+Integers = npt.NDArray[np.int64]
+
+TIME_END_NS: Final = 1 << 62
+"""Times are before this, in the year 2116 since 1970, so that a difference never overflows."""
+_SHORTEST_QUAT: Final = 1e-6
+
+
+def _frozen_integers(value: Any, shape: tuple[int, ...], name: str) -> Integers:
+    array = np.array(value, dtype=np.int64)
+    if array.shape != shape:
+        raise ValueError(f"{name}: shape {array.shape}, not {shape}")
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """A trajectory at one time.
+
+    Attributes:
+        position: in m, in the trajectory's world.
+        quat_wxyz: attitude, from body to world.
+        velocity: in m/s, in the world.
+        covariance: [6, 6] of position in m and rotation in rad about the axes of the world; None when unknown.
+        resets: how often the map had been lost before.
+    """
+
+    position: Array
+    quat_wxyz: Array
+    velocity: Array
+    covariance: Array | None
+    resets: int
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTrajectory:
+    """A trajectory; its arrays cannot be written to.
+
+    Attributes:
+        times_ns: [N], strictly increasing, from 0.
+        positions: [N, 3] in m, in a world of its own.
+        quats_wxyz: [N, 4], from body to world; made unit when given.
+        velocities: [N, 3] in m/s, in the world; None when the recording has none.
+        covariances: [N, 6, 6] of position in m and rotation in rad about the axes of the world, NaN where unknown;
+            None when the recording has none.
+        resets: [N], how often the map had been lost before a record; all 0 unless given.
+        left_out: how many records of the file are not here, by reason.
+
+    Raises ValueError, naming it, if a field is not what it should be.
+    """
+
+    times_ns: Integers
+    positions: Array
+    quats_wxyz: Array
+    velocities: Array | None = None
+    covariances: Array | None = None
+    resets: Integers | None = None
+    left_out: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        count = len(self.times_ns)
+        times_ns = _frozen_integers(self.times_ns, (count,), "times_ns")
+        if not count or times_ns[0] < 0 or times_ns[-1] >= TIME_END_NS or (np.diff(times_ns) <= 0).any():
+            raise ValueError("times_ns: none, or not strictly increasing from 0")
+        quats = read_only(self.quats_wxyz, (count, 4), "quats_wxyz")
+        lengths = np.linalg.norm(quats, axis=1, keepdims=True)
+        if (lengths < _SHORTEST_QUAT).any():
+            raise ValueError("quats_wxyz: no rotation")
+        values: dict[str, Any] = {
+            "times_ns": times_ns,
+            "positions": read_only(self.positions, (count, 3), "positions"),
+            "quats_wxyz": read_only(quats / lengths, (count, 4), "quats_wxyz"),
+            "resets": _frozen_integers(np.zeros(count) if self.resets is None else self.resets, (count,), "resets"),
+            "left_out": MappingProxyType(dict(self.left_out)),
+        }
+        if self.velocities is not None:
+            values["velocities"] = read_only(self.velocities, (count, 3), "velocities")
+        if self.covariances is not None:
+            values["covariances"] = read_only(self.covariances, (count, 6, 6), "covariances", finite=False)
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.times_ns)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first record to the last."""
+        return float(self.times_ns[-1] - self.times_ns[0]) * 1e-9
+
+    @cached_property
+    def known_resets(self) -> Integers:
+        """The counts of lost maps, which the constructor has filled in."""
+        assert self.resets is not None
+        return self.resets
+
+    @cached_property
+    def world_velocities(self) -> Array:
+        """The velocities of the recording, or else those by which the positions change, [N, 3] in m/s."""
+        if self.velocities is not None:
+            return self.velocities
+        slopes = np.zeros((len(self), 3))
+        times_s = (self.times_ns - self.times_ns[0]) * 1e-9
+        # A reset is a step of the map, not of the vehicle.
+        edges = np.flatnonzero(np.diff(self.known_resets)) + 1
+        for stretch in np.split(np.arange(len(self)), edges):
+            if len(stretch) > 1:
+                slopes[stretch] = np.gradient(self.positions[stretch], times_s[stretch], axis=0)
+        slopes.flags.writeable = False
+        return slopes
+
+    def pose(self, index: int) -> Pose:
+        """Return a record by its number, from 0."""
+        covariance = None if self.covariances is None else self.covariances[index]
+        if covariance is not None and np.isnan(covariance).any():
+            covariance = None
+        return Pose(
+            self.positions[index],
+            self.quats_wxyz[index],
+            self.world_velocities[index],
+            covariance,
+            int(self.known_resets[index]),
+        )
+
+    def without_velocities(self) -> "RecordedTrajectory":
+        """Return the trajectory with velocities that follow from the positions."""
+        return replace(self, velocities=None)
+
+    def with_sigmas(self, sigmas: tuple[float, float] | None) -> "RecordedTrajectory":
+        """Return the trajectory with one covariance everywhere, or, for None, without any.
+
+        The standard deviations are those of each axis, of position in m and of rotation in rad.
+        """
+        if sigmas is None:
+            return replace(self, covariances=None)
+        covariance = np.diag(np.repeat(np.square(sigmas), 3))
+        return replace(self, covariances=np.broadcast_to(covariance, (len(self), 6, 6)))
+
+    def with_resets_at_jumps(self, jump_m: float) -> "RecordedTrajectory":
+        """Return the trajectory with a reset wherever a position is more than ``jump_m`` from the one before."""
+        jumps = np.linalg.norm(np.diff(self.positions, axis=0), axis=1) > jump_m
+        return replace(self, resets=np.concatenate([[0], np.cumsum(jumps)]))
+
+    def resampled(self, rate_hz: float, max_gap_s: float) -> "RecordedTrajectory":
+        """Return the trajectory at equal steps from its first record on.
+
+        Positions, velocities and covariances are interpolated linearly, quaternions too and then made unit. Between
+        two records that a reset parts, the earlier one stands. Over more than ``max_gap_s`` there is none.
+        """
+        times_ns = self._grid_ns(1e9 / rate_hz, int(max_gap_s * 1e9))
+        before = np.clip(np.searchsorted(self.times_ns, times_ns, side="right") - 1, 0, max(len(self) - 2, 0))
+        after = np.minimum(before + 1, len(self) - 1)
+        spans = np.maximum(self.times_ns[after] - self.times_ns[before], 1)
+        share = np.clip((times_ns - self.times_ns[before]) / spans, 0.0, 1.0)
+        share = np.where(self.known_resets[before] == self.known_resets[after], share, np.floor(share))
+
+        def between(values: Array) -> Array:
+            weight = share.reshape(-1, *[1] * (values.ndim - 1))
+            # Weights of 0 leave a neighbour out altogether, even one that is unknown.
+            ahead = np.where(weight > 0, weight * values[after], 0.0)
+            mixed: Array = np.where(weight < 1, (1 - weight) * values[before], 0.0) + ahead
+            return mixed
+
+        quats = self._quats_between(before, after, share)
+        covariances = None if self.covariances is None else between(self.covariances)
+        resets = self.known_resets[np.where(share < 1, before, after)]
+        velocities = between(self.world_velocities)
+        return RecordedTrajectory(
+            times_ns, between(self.positions), quats, velocities, covariances, resets, self.left_out
+        )
+
+    def _quats_between(self, before: Integers, after: Integers, share: Array) -> Array:
+        first, second = self.quats_wxyz[before], self.quats_wxyz[after]
+        # Of the two quaternions of a rotation the nearer one is meant.
+        second = np.where(np.sum(first * second, axis=1, keepdims=True) < 0, -second, second)
+        mixed: Array = first + share[:, None] * (second - first)
+        return mixed
+
+    def _grid_ns(self, step_ns: float, max_gap_ns: int) -> Integers:
+        start_ns = self.times_ns[0]
+        edges = np.flatnonzero(np.diff(self.times_ns) > max_gap_ns) + 1
+        grid: list[Integers] = []
+        for stretch in np.split(self.times_ns - start_ns, edges):
+            first, last = np.ceil(stretch[0] / step_ns), np.floor(stretch[-1] / step_ns)
+            grid.append(np.rint(np.arange(first, last + 1) * step_ns).astype(np.int64))
+        times_ns: Integers = np.unique(np.concatenate(grid)) + start_ns
+        return times_ns

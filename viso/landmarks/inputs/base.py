@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all inputs share: the one error of a file, counted refusals, readers of lines, numbers of a record."""
+
+import math
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Final, Protocol
+
+from viso.landmarks.types import Event
+
+LARGEST_M: Final = 1e8
+"""No coordinate is larger; those of UTM reach 1e7."""
+LARGEST_S: Final = 1e11
+"""No time is larger: what is, was not in seconds."""
+NO_TIME: Final = "no time"
+NOT_ICAO: Final = "not an ICAO address"
+NO_FIX: Final = "no fix: (0, 0)"
+NO_POSITION: Final = "aircraft without a position"
+
+
+class InputFileError(Exception):
+    """A file that cannot be read, in one line: which file, which line or record, and why."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(" ".join(text.split()))
+
+
+class Refused(Exception):
+    """Carries the reason why a record, or a part of it, is of no use."""
+
+
+class LineReader(ABC):
+    """Turns lines of text into events; what their times count from, each format says.
+
+    Attributes:
+        refused: how many records, or parts of them, were of no use, by reason.
+    """
+
+    def __init__(self, refused: Counter[str] | None = None) -> None:
+        self.refused: Counter[str] = Counter() if refused is None else refused
+
+    def take(self, line: str, arrival_s: float | None = None) -> list[Event]:
+        """Return what a line tells. Never raises on what it says.
+
+        Args:
+            line: with or without its end; blank ones are passed over.
+            arrival_s: when it arrived, on the clock of the other inputs; None if nobody knows.
+        """
+        events: list[Event] = []
+        if line.strip():
+            with counted(self.refused):
+                events = self._events(line, arrival_s)
+        return events
+
+    @abstractmethod
+    def _events(self, line: str, arrival_s: float | None) -> list[Event]:
+        """Return what a line tells that is not blank. Raises Refused, or a record's ValueError, if it is of no use."""
+
+
+class FileReader(Protocol):
+    """Turns a file into events; what it has refused is complete when all of them were taken."""
+
+    refused: Counter[str]
+
+    def events(self) -> Iterator[Event]:
+        """Yield what the file tells. Raises InputFileError if it cannot be read."""
+        ...
+
+
+@contextmanager
+def counted(refused: Counter[str]) -> Iterator[None]:
+    """Count a refusal with its reason, and go on behind the block; a ValueError of a record is one, by its field."""
+    try:
+        yield
+    except Refused as refusal:
+        refused[str(refusal)] += 1
+    except ValueError as error:
+        refused[f"bad {str(error).partition(':')[0]}"] += 1
+
+
+def number(record: Mapping[str, Any], key: str, largest: float = math.inf) -> float:
+    """Return a number of a record. Raises Refused if it is missing, none, not finite, or beyond ``largest``."""
+    value = record.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise Refused(f"{key} is no number")
+    if not abs(value) <= largest or not abs(value) < math.inf:
+        raise Refused(f"{key} is out of range")
+    try:
+        return float(value)
+    except OverflowError:
+        raise Refused(f"{key} is out of range") from None
+
+
+def optional_number(record: Mapping[str, Any], key: str, refused: Counter[str]) -> float | None:
+    """Return a number of a record, None where there is none; what is there and no number is counted."""
+    if record.get(key) is not None:
+        with counted(refused):
+            return number(record, key)
+    return None
+
+
+def icao_of(text: object) -> str:
+    """Return an ICAO address in upper case; raises Refused for others, which receivers mark with a tilde."""
+    icao = text.strip().upper() if isinstance(text, str) else ""
+    if len(icao) != 6 or not set(icao) <= set("0123456789ABCDEF"):
+        raise Refused(NOT_ICAO)
+    return icao
+
+
+def not_null_island(latitude_deg: float, longitude_deg: float) -> None:
+    """Raise Refused for (0, 0), which is what receivers without a fix tell."""
+    if latitude_deg == 0 and longitude_deg == 0:
+        raise Refused(NO_FIX)

@@ -1,0 +1,120 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The vehicle's pose and fix, and aircraft, from a DataFlash log (.BIN).
+
+Who opens the log is for the caller to say, as DataFlash logs are read in one place.
+
+Poses are the XKF1 records of the core that the autopilot flew with (PI of XKF4), and only while that core says that it
+knows its position (SS of XKF4): one record has position and attitude of the same instant, and the position is in m
+from the EKF's origin, as LOCAL_POSITION_NED's is. ATT has no position; POS has one on the globe, rounded to 1 cm, and
+may be that of the GPS or of DCM. Fixes are POS, what GLOBAL_POSITION_INT says. ADSB records are aircraft; what their
+altitude is above is not logged, it counts as pressure altitude.
+"""
+
+import math
+import statistics
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from mav_handlers.wire.messages import ADSB_VEHICLE
+from viso.landmarks.adsb_vehicle import AdsbFlags, AltitudeType, from_message
+from viso.landmarks.inputs.base import InputFileError, Refused, counted, not_null_island
+from viso.landmarks.inputs.poses import ned_R_frd, pose_from_ned
+from viso.landmarks.types import Event, GeodeticPoint, GlobalFix
+
+GPS_EPOCH_S: Final = 315_964_800
+WEEK_S: Final = 604_800
+LEAP_S: Final = 18
+"""How far the time of GPS is ahead of UTC, since 2017."""
+FIX_3D: Final = 3
+_HORIZONTAL_POSITION: Final = 1 << 3 | 1 << 4  # relative or absolute
+_VERTICAL_POSITION: Final = 1 << 5
+_AIRCRAFT_FLAGS: Final = AdsbFlags.COORDS | AdsbFlags.ALTITUDE | AdsbFlags.HEADING | AdsbFlags.VELOCITY
+_KINDS: Final = ("XKF4", "XKF1", "POS", "GPS", "ADSB")
+
+
+class Log(Protocol):
+    """An open log, as pymavlink has it."""
+
+    def recv_match(self, *, type: list[str]) -> Any:
+        """Return the next record of these types, its fields as attributes, or None at the end."""
+        ...
+
+
+ReadLog = Callable[[Path, Callable[[Log], list[Event]]], list[Event]]
+"""Opens a log and returns what a function makes of it; raises an error of its own if that cannot be done."""
+
+
+class DataFlashFile:
+    """A log; its events are held in memory, their times are seconds since the autopilot's boot.
+
+    Attributes:
+        utc_minus_boot_s: what makes these times UTC, by the GPS; None before the events, or if it had no fix.
+    """
+
+    def __init__(self, path: Path, read_log: ReadLog) -> None:
+        self._path = path
+        self._read_log = read_log
+        self.refused: Counter[str] = Counter()
+        self.utc_minus_boot_s: float | None = None
+        self._core = 0
+        self._has_position: dict[int, bool] = {}
+        self._offsets_s: list[float] = []
+
+    def events(self) -> Iterator[Event]:
+        """Yield what the log tells.
+
+        Raises InputFileError if it holds no poses of an EKF3, and what the function that opens logs raises.
+        """
+        events = self._read_log(self._path, self._all)
+        if self._offsets_s:
+            self.utc_minus_boot_s = statistics.median(self._offsets_s)
+        if not self._has_position:
+            raise InputFileError(f"{self._path}: holds no XKF1 and XKF4 records to take poses from")
+        yield from events
+
+    def _all(self, log: Log) -> list[Event]:
+        events: list[Event] = []
+        while (record := log.recv_match(type=list(_KINDS))) is not None:
+            with counted(self.refused):
+                events += self._of_record(record)
+        return events
+
+    def _of_record(self, record: Any) -> list[Event]:
+        kind, t_s = record.get_type(), record.TimeUS * 1e-6
+        if kind == "XKF4":
+            self._core = getattr(record, "PI", self._core)
+            self._has_position[record.C] = bool(record.SS & _HORIZONTAL_POSITION and record.SS & _VERTICAL_POSITION)
+        elif kind == "XKF1" and self._core == record.C:
+            if not self._has_position.get(record.C, False):
+                raise Refused("a pose before the position is known")
+            attitude = ned_R_frd(*(math.radians(angle) for angle in (record.Roll, record.Pitch, record.Yaw)))
+            return [pose_from_ned(t_s, (record.PN, record.PE, record.PD), attitude)]
+        elif kind == "POS":
+            not_null_island(record.Lat, record.Lng)
+            return [GlobalFix(t_s, GeodeticPoint(record.Lat, record.Lng, record.Alt))]
+        elif kind == "GPS" and record.Status >= FIX_3D and record.GWk > 0:
+            self._offsets_s.append(GPS_EPOCH_S + record.GWk * WEEK_S + record.GMS * 1e-3 - LEAP_S - t_s)
+        elif kind == "ADSB":
+            return [from_message(_adsb_vehicle(record), t_s)]
+        return []
+
+
+def _adsb_vehicle(record: Any) -> ADSB_VEHICLE:
+    return ADSB_VEHICLE(
+        record.ICAO_address,
+        record.Lat,
+        record.Lng,
+        AltitudeType.PRESSURE_QNH,
+        record.Alt,
+        record.Heading,
+        record.Hor_vel,
+        record.Ver_vel,
+        callsign="",
+        emitter_type=0,
+        tslc=0,
+        flags=int(_AIRCRAFT_FLAGS),
+        squawk=0,
+    )

@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the vehicle's attitude and position come from: the filter on sensors of some kind, or a recorded log."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ekf_stub.ahrs.ahrs_base import AhrsBase
+from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
+from ekf_stub.ahrs.parts import AhrsParts
+from viso.errors import InputError
+from viso.logs.recorded import read_recorded_states
+from viso.vehicle.config import by_ekf3
+from viso.vehicle.sensors.errors import ERROR_NAMES, parse_errors
+from viso.vehicle.sensors.inertial_sources import FLOWN, IMU_HELP, read_source
+from viso.vehicle.sensors.options import ImuOptions
+
+AhrsOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="Take attitude and position from this log (.BIN, .BIN.xz); there is no filter then.", metavar="LOG"
+    ),
+]
+ImuOption = Annotated[str | None, typer.Option(help=f"The filter's sensors: {IMU_HELP}.", metavar="SOURCE")]
+ImuErrorOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        help=f"What is wrong with them, such as gyro_bias_deg_s=0.1: {', '.join(ERROR_NAMES)}; repeatable.",
+        metavar="NAME=VALUE",
+    ),
+]
+ImuSeedOption = Annotated[int, typer.Option(help="Seed of their noise.", min=0)]
+HeadingOption = Annotated[
+    float, typer.Option(help="Where the vehicle points at first in degrees, if neither log nor script say.")
+]
+
+
+@dataclass(frozen=True, slots=True)
+class AhrsChoice:
+    """What the command line says of attitude and position.
+
+    A log is followed in place of a filter; else ``imu`` is the source of the sensors' data, each of ``imu_errors`` is
+    NAME=VALUE, and the seed that of their random part.
+    """
+
+    log: Path | None = None
+    imu: str | None = None
+    imu_errors: list[str] | None = None
+    imu_seed: int = 0
+    heading_deg: float = 0.0
+
+
+def of_stream(imu: str | None, stream: Path) -> str | None:
+    """Return the source of inertial data; ``log`` alone stands for the log that is replayed."""
+    return f"{FLOWN}:{stream}" if imu == FLOWN else imu
+
+
+def heading_in_rad(heading_deg: float) -> float:
+    """Return a heading, -pi to pi. Raises InputError if it is none."""
+    if not math.isfinite(heading_deg):
+        raise InputError(f"--heading {heading_deg}: not an angle in degrees")
+    return math.remainder(math.radians(heading_deg), 2 * math.pi)
+
+
+def imu_options(choice: AhrsChoice) -> ImuOptions:
+    """Return the options of inertial data that were chosen. Raises InputError if one cannot be used."""
+    heading_rad = heading_in_rad(choice.heading_deg)
+    return ImuOptions(heading_rad=heading_rad, errors=parse_errors(choice.imu_errors or []), seed=choice.imu_seed)
+
+
+def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[AhrsParts], AhrsBase]:
+    """Return the maker of the AHRS that was chosen; files are read now.
+
+    Raises InputError if a file cannot be read or lacks something, an option cannot be used, or two exclude each other.
+    """
+    options = imu_options(choice)
+    if choice.log is None:
+        return by_ekf3(read_source(choice.imu or default_imu), options)
+    for name, value in (("--imu", choice.imu), ("--imu-error", choice.imu_errors)):
+        if value:
+            raise InputError(f"--ahrs and {name}: a vehicle that follows a log has no sensors")
+    states = read_recorded_states(choice.log)
+    return lambda parts: RecordedAhrs(parts.clock, parts.sources, parts.log, states)

@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sensors of what moves from pass to pass, which can be told ahead."""
+
+from typing import Any
+
+import numpy as np
+
+from ekf_stub.inputs.inertial import Array, numbers_of
+from ekf_stub.inputs.sensors import Sensors
+from viso.geometry import quaternions as quaternion
+from viso.vehicle.sensors.motion import Moving
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import VehicleSource
+
+
+class MovingSource(VehicleSource):
+    """The sensors of something that moves."""
+
+    def __init__(self, options: ImuOptions, motion: Moving[Any]) -> None:
+        super().__init__(options)
+        self._motion = motion
+
+    def _shown(self, now_us: int) -> tuple[float, quaternion.quaternion]:
+        """Return the height in m and the attitude (body to NED) that barometer and compass show in a pass."""
+        raise NotImplementedError
+
+    def sense(self, now_us: int) -> Sensors | None:
+        """Return what the sensors say, or None for a time that has been."""
+        if self._motion.last_us is not None and now_us <= self._motion.last_us:
+            return None
+        delta = self._motion.go_to(now_us)
+        if now_us > self._next_reading_us:
+            self._read(now_us, *self._shown(now_us))
+        return self._model.apply(Sensors(delta, self._baro, self._mag))
+
+    def ahead(self, times_us: range) -> Array:
+        """Return what passes get until the next reading."""
+        times_us = times_us[: len(range(times_us.start, self._next_reading_us + 1, times_us.step))]
+        if self._motion.last_us is None or not times_us:
+            return super().ahead(times_us)
+        return self._model.ahead(np.array([numbers_of(delta) for delta in self._motion.ahead(times_us)]))
+
+    def pass_over(self, times_us: range) -> None:
+        """Leave out passes that got what ``ahead`` had said."""
+        for time_us in times_us:
+            self._motion.go_to(time_us)
+        self._model.pass_over(len(times_us))

@@ -1,0 +1,58 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every source of inertial data is to the vehicle that it moves; a class of its own says where it differs."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ap_core.clock import NEVER
+from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.sensors import SensorSource
+from mav_handlers.ports import HilPort
+from viso.geometry import quaternions as quaternion
+from viso.vehicle.sensors.airframe import Airframe
+from viso.vehicle.sensors.errors import ErrorModel
+from viso.vehicle.sensors.flight import Event, Flight
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.readings import PERIOD_US, ideal_field, last_reading_us
+
+
+class VehicleSource(SensorSource):
+    """The sensors of a vehicle, and what else moves along with them.
+
+    Attributes:
+        airframe: what flies; None of a vehicle that nobody flies.
+        flight: the flight of a log that is flown again; None of a vehicle that does something else.
+        hil: who takes a simulator's messages; None where the sensors' data come from elsewhere.
+        stands_for_ever: nothing can move it.
+    """
+
+    airframe: Airframe | None = None
+    flight: Flight | None = None
+    hil: HilPort | None = None
+    stands_for_ever = False
+
+    def __init__(self, options: ImuOptions) -> None:
+        self._options = options
+        self._model = ErrorModel(options.errors, options.seed)
+        self._next_reading_us = 0
+        self._baro: tuple[int, float] | None = None
+        self._mag: tuple[int, Array] | None = None
+
+    def _read(self, now_us: int, height_m: float, quat: quaternion.quaternion) -> None:
+        """Read the barometer, and the compass if there is one, of a vehicle with an attitude (body to NED)."""
+        reading_us = last_reading_us(now_us)
+        if reading_us is None:
+            return
+        self._next_reading_us = reading_us + PERIOD_US
+        self._baro = reading_us // 1000, float(np.float32(height_m))
+        self._mag = (reading_us, ideal_field(quat)) if self._options.has_compass() else None
+
+    def next_event_us(self) -> int:
+        """Return when something happens next that sensors do not tell, us since boot."""
+        return NEVER
+
+    def events_until(self, now_us: int) -> Iterable[Event]:
+        """Return what has happened since the last call, up to a time."""
+        return ()
