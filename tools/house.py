@@ -20,14 +20,17 @@ from tools.project_files import ROOT, project_files
 
 # The firmware's own circle: a backend knows its frontend, which makes it.
 FRONTEND: Final = "ap_visualodom.ap_visualodom"
+# What makes up the vehicle knows it as a type.
+VEHICLE: Final = "viso.vehicle.vehicle"
 
 Imports = Mapping[str, Collection[str]]
 
 
 def circle(imports: Imports) -> list[str]:
-    """Return the modules of a circle, each imported by the next, or none; the firmware's own circle is no finding."""
+    """Return the modules of a circle, each imported by the next, or none; two are meant, and no finding."""
+    meant = ((FRONTEND, FRONTEND + "_"), (VEHICLE, "viso.vehicle."))
     others = {
-        module: [name for name in sorted(imported) if not (name == FRONTEND and module.startswith(FRONTEND + "_"))]
+        module: [name for name in sorted(imported) if not any(name == to and module.startswith(by) for to, by in meant)]
         for module, imported in sorted(imports.items())
     }
     try:

@@ -16,15 +16,17 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import u32
-from ap_core.clock import count_before
+from ap_core.clock import VirtualClock, count_before
 from ap_core.fmath import f32, ieee754
 from ap_core.location import Location
+from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.quaternion import Quaternion
+from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.cores import Cores
-from ekf_stub.ahrs.parts import AhrsParts
+from ekf_stub.ahrs.fitted import has_compass, has_flow, imu_mask, imu_pos
 from ekf_stub.ahrs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM, source_failure
 from ekf_stub.ahrs.source_check import RANGEFINDER as RANGEFINDER_SENSOR
 from ekf_stub.core.aiding import ABSOLUTE, NO_AIDING, RELATIVE
@@ -32,7 +34,7 @@ from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.core import Core
 from ekf_stub.core.events import YAW, Events
 from ekf_stub.core.ext_nav import ExtNav
-from ekf_stub.core.params import RANGEFINDER
+from ekf_stub.core.params import RANGEFINDER, EkfSources
 from ekf_stub.core.vectors import euler_of
 from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
@@ -49,8 +51,10 @@ from ekf_stub.log.replay_log import (
     SOURCE_SET_1,
     TERRAIN_STABLE,
     TERRAIN_UNSTABLE,
+    ReplayLog,
     VehicleFrame,
 )
+from ekf_stub.release import REFERENCE, FilterRelease
 from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.core_report import CoreReport, Three
 from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO, NUMBER_OF_IMUS, cores_of_mask
@@ -84,8 +88,14 @@ class Ekf3Ahrs(AhrsBase):
     """The AHRS with the cores in it.
 
     Args:
-        parts: the vehicle around it.
         source: where inertial data and other measurements come from.
+        clock: time since boot, which an AHRS that runs several passes moves on from one to the next.
+        sources: the EKF's source sets.
+        replay_log: where inputs are logged.
+        logger: where estimates are logged.
+        params: all parameters.
+        texts: where texts for ground stations go.
+        release: which EKF3 it is.
         start_us: when the AHRS starts.
         buffer_ms: a delay for which the filter's buffers are long enough in any case.
 
@@ -97,20 +107,35 @@ class Ekf3Ahrs(AhrsBase):
     """
 
     def __init__(
-        self, parts: AhrsParts, source: SensorSource, *, start_us: int = AHRS_START_US, buffer_ms: int = 0
+        self,
+        source: SensorSource,
+        clock: VirtualClock,
+        sources: EkfSources,
+        replay_log: ReplayLog,
+        logger: RecordSink,
+        params: ParamTable,
+        texts: TextSink,
+        release: FilterRelease = REFERENCE,
+        *,
+        start_us: int = AHRS_START_US,
+        buffer_ms: int = 0,
     ) -> None:
-        super().__init__(parts.clock, parts.sources, parts.log, start_us=start_us)
-        self._parts = parts
-        self._replay_log = parts.log
+        super().__init__(clock, sources, replay_log, start_us=start_us)
         self.source = source
-        self._has_compass = FromParams(parts.params, parts.has_compass)
-        self._place_of_imu = FromParams(parts.params, parts.imu_pos)
+        self._pass_clock = clock
+        self._replay_log = replay_log
+        self._logger = logger
+        self._params = params
+        self._texts = texts
+        self._release = release
+        self._has_compass = FromParams(params, lambda: has_compass(params))
+        self._place_of_imu = FromParams(params, lambda: imu_pos(params))
         self._buffer_ms = buffer_ms
         self._camera_pos: Vector3f | None = None
         self._imu_pos: Vector3f | None = None
         self._lever = (0.0, 0.0, 0.0)
-        self._has_flow = FromParams(parts.params, parts.has_flow)
-        self._imu_frd = FromParams(parts.params, lambda: _floats(parts.imu_pos()))
+        self._has_flow = FromParams(params, lambda: has_flow(params))
+        self._imu_frd = FromParams(params, lambda: _floats(imu_pos(params)))
         self._gps_seen = Moved(gps_seen_from)
         self._ranges_seen = Moved(RangeState.seen_from)
         self._terrain_is_stable: bool | None = None
@@ -118,7 +143,7 @@ class Ekf3Ahrs(AhrsBase):
         self._measured: list[float] = []  # by the first IMU, and further ones, in the last pass
         self._baro_zero_m = self._gps_lag_s = 0.0
         self._is_set_up = self._active = self._has_camera = self._is_stopped = False
-        self._source_set = parts.sources.active_set
+        self._source_set = sources.active_set
         self._quat: Quaternion | None = None
         self._reset_ms = 0
         self.cores: Cores | None = None
@@ -157,7 +182,7 @@ class Ekf3Ahrs(AhrsBase):
         """Run the frames of passes, up to one at which others have something to do, and return how many."""
         if self._is_stopped:
             left = passes_through(times_us, due_us())
-            self._parts.clock.set_us(left[-1])
+            self._pass_clock.set_us(left[-1])
             return len(left)
         cores = self.cores
         if cores is None or not self.runs_ahead:
@@ -187,7 +212,7 @@ class Ekf3Ahrs(AhrsBase):
         was_initialised = core.initialised
         if was_initialised and not self._active:
             self._active = True
-            self._parts.texts.send_text(MAV_SEVERITY_INFO, "AHRS: EKF3 active")
+            self._texts.send_text(MAV_SEVERITY_INFO, "AHRS: EKF3 active")
         cores.set_sensors(self._with_zeroed_baro(sensors))
         self._set_inputs(cores, gps, ranges)
         row = [float(now_us), float(self._flying_ms(now_us)), 0.0]
@@ -214,7 +239,7 @@ class Ekf3Ahrs(AhrsBase):
         """Run frames until something comes of one, or the sensors have more than inertial data; return how many."""
         ahead = self.source.ahead(times_us)
         if not len(ahead):
-            self._parts.clock.set_us(times_us[0])
+            self._pass_clock.set_us(times_us[0])
             self.update()
             return 1
         cores.lanes.tells_outcomes = self.on_filter_outcome is not None
@@ -222,7 +247,7 @@ class Ekf3Ahrs(AhrsBase):
         now_us = times_us[count - 1]
         self.source.pass_over(times_us[:count])
         self._measured = ahead[count - 1].tolist()
-        self._parts.clock.set_us(now_us)
+        self._pass_clock.set_us(now_us)
         self._replay_log.start_frame(now_us, 0)
         self._replay_log.frame(self.state.camera)
         self._replay_log.note_run(was_initialised=True)
@@ -283,22 +308,32 @@ class Ekf3Ahrs(AhrsBase):
     def _set_up(self, differing_imus: int) -> None:
         # NavEKF3_core::setup_core: what later changes of parameters do not change until the next boot.
         self._is_set_up = True
-        parts = self._parts
+        params = self._params
         sample = self._newest_gps()
         self._has_camera = self.state.camera.enabled
         self._gps_lag_s = self.state.gps_lag_s if sample is None else sample.lag_s
-        imus = cores_of_mask(parts.imu_mask(), differing_imus or NUMBER_OF_IMUS)
+        imus = cores_of_mask(imu_mask(params), differing_imus or NUMBER_OF_IMUS)
         if not imus:
             return
         sizes = buffer_sizes(
-            parts.params.get_int,
+            params.get_int,
             self._sources,
             has_camera=self._has_camera,
             has_flow=self._has_flow(),
             gps_lag_s=self._gps_lag_s,
             least_ms=self._buffer_ms,
         )
-        self.cores = Cores(parts, sizes, imus, differ=differing_imus, has_camera=self._has_camera)
+        self.cores = Cores(
+            params,
+            self._sources,
+            self._logger,
+            self._texts,
+            self._release,
+            sizes,
+            imus,
+            differ=differing_imus,
+            has_camera=self._has_camera,
+        )
         self.core = self.cores.lanes.primary_filter
         if self._origin is not None:
             self.cores.lanes.set_origin(self._origin)
@@ -454,7 +489,7 @@ class Ekf3Ahrs(AhrsBase):
         return FilterStatus(self._flags(), *map(math.sqrt, (*ratios, compass, terrain)))
 
     def _needs_terrain(self, core: Core) -> bool:
-        is_height = core.height.active == RANGEFINDER and self._parts.params.get_int("EK3_RNG_USE_HGT") > 0
+        is_height = core.height.active == RANGEFINDER and self._params.get_int("EK3_RNG_USE_HGT") > 0
         return is_height or (core.aiding.mode == RELATIVE and core.flow.is_valid)
 
     def height_above_ground(self) -> float | None:
@@ -473,7 +508,7 @@ class Ekf3Ahrs(AhrsBase):
     def set_origin(self, origin: Location) -> bool:
         """Set the origin, once, and not before the estimator runs; say whether it was set."""
         core = self.core
-        is_early = core is None or (self._parts.release.refuses_early_origin and not core.initialised)
+        is_early = core is None or (self._release.refuses_early_origin and not core.initialised)
         if self._origin is not None or self.cores is None or is_early:
             return False
         self._replay_log.origin(origin)
@@ -529,7 +564,7 @@ class Ekf3Ahrs(AhrsBase):
         )
         if failure is not None:
             return failure
-        if self._parts.params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source != SourceYaw.GPS:
+        if self._params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source != SourceYaw.GPS:
             return "EK3_MAG_CAL and EK3_SRC1_YAW inconsistent"
         return self.cores.lanes.unhealthy_reason(self._now_ms())
 
@@ -539,7 +574,7 @@ class Ekf3Ahrs(AhrsBase):
         fitted = {
             BARO: True,
             COMPASS: self._has_compass(),
-            GPS: self._parts.params.get_int("GPS1_TYPE") != 0,
+            GPS: self._params.get_int("GPS1_TYPE") != 0,
             OPTICAL_FLOW: self._has_flow(),
             RANGEFINDER_SENSOR: ranges is not None and any(one.orientation == DOWNWARD for one in ranges.finders),
             VISUAL_ODOM: self.state.camera.enabled,
@@ -603,7 +638,7 @@ class Ekf3Ahrs(AhrsBase):
     ) -> None:
         """Log a body odometry sample, then hand it to all cores."""
         super().writeBodyFrameOdom(quality, delPos, delAng, delTime, timeStamp_ms, delay_ms, posOffset)
-        params = self._parts.params
+        params = self._params
         errors = params.get_number("EK3_VIS_VERR_MIN"), params.get_number("EK3_VIS_VERR_MAX")
         vel, err, has_nan = body_velocity(quality, delPos, delAng, delTime, posOffset, errors)
         for lane, ext_nav in enumerate(self._ext_navs()):

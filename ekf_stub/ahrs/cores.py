@@ -10,16 +10,18 @@ from collections.abc import Sequence
 from typing import Final
 
 from ap_core.internal_error import InternalErrors
+from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.quaternion import Quaternion
-from ekf_stub.ahrs.parts import AhrsParts
+from ap_core.sinks import RecordSink, TextSink
+from ekf_stub.ahrs.fitted import has_compass, imu_pos
 from ekf_stub.ahrs.vehicle_state import VehicleState
 from ekf_stub.core.core import AFFINITY_MAG, Core
 from ekf_stub.core.ext_nav import ExtNav
 from ekf_stub.core.imus import MAX_IMUS, Imus
 from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.core.lanes import Lanes
-from ekf_stub.core.params import Params
+from ekf_stub.core.params import EkfSources, Params
 from ekf_stub.core.samples import RingSizes
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.inertial import ImuReading, first_usable
@@ -29,6 +31,7 @@ from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.log.replay_log import SensorSet
 from ekf_stub.log.reporting import report_of
+from ekf_stub.release import FilterRelease
 from ekf_stub.reports.core_report import CoreReport, Three
 from ekf_stub.reports.core_texts import words_of
 
@@ -47,10 +50,22 @@ class Cores:
     """
 
     def __init__(
-        self, parts: AhrsParts, sizes: RingSizes, imus: Sequence[int], *, differ: int, has_camera: bool
+        self,
+        params: ParamTable,
+        sources: EkfSources,
+        logger: RecordSink,
+        texts: TextSink,
+        release: FilterRelease,
+        sizes: RingSizes,
+        imus: Sequence[int],
+        *,
+        differ: int,
+        has_camera: bool,
     ) -> None:
         numbers = list(range(len(imus)))
-        self._parts = parts
+        self._all_params = params
+        self._texts = texts
+        self._release = release
         self._differ = differ > 0
         self._has_camera = has_camera
         self._groups = [(number,) for number in numbers] if differ else [tuple(numbers)]
@@ -61,32 +76,28 @@ class Cores:
         self._imus = Imus(max(differ, 1))
         self.lanes = Lanes(
             self._params,
-            parts.sources,
+            sources,
             sizes,
-            parts.release,
+            release,
             self._imus,
             [group[0] for group in self._groups],
             [imus[group[0]] for group in self._groups],
             len(imus),
         )
-        self._logs = [
-            EkfLog(parts.logger, parts.params.get_int, group, lambda: self.lanes.primary) for group in self._groups
-        ]
-        self._has_own_compass = FromParams(
-            parts.params, lambda: bool(parts.params.get_int("EK3_AFFINITY") & AFFINITY_MAG)
-        )
-        self._has_compass = FromParams(parts.params, parts.has_compass)
-        self._places = FromParams(parts.params, lambda: _places(parts))
+        self._logs = [EkfLog(logger, params.get_int, group, lambda: self.lanes.primary) for group in self._groups]
+        self._has_own_compass = FromParams(params, lambda: bool(params.get_int("EK3_AFFINITY") & AFFINITY_MAG))
+        self._has_compass = FromParams(params, lambda: has_compass(params))
+        self._places = FromParams(params, lambda: _places(params))
         self._given: dict[tuple[str, int], tuple[object, ...]] = {}
         self._levers = Moved(from_imu)
         self._ranges = Moved(RangeState.seen_from)
         self._gps = Moved(gps_seen_from)
 
     def _read_params(self) -> None:
-        params = self._parts.params
+        params = self._all_params
         if params.generation != self._params_generation:
             self._params_generation = params.generation
-            renamed = {_FLOW_MAX: self._parts.release.flow_limit}
+            renamed = {_FLOW_MAX: self._release.flow_limit}
             self._params.read(lambda name: params.get_number(f"EK3_{renamed.get(name, name)}"))
 
     # What is handed in
@@ -166,7 +177,7 @@ class Cores:
                 lines.append(words_of(text.code, text.values))
             for name in self._names_of(number):
                 for severity, words in lines:
-                    self._parts.texts.send_text(severity, name + words)
+                    self._texts.send_text(severity, name + words)
 
     def _names_of(self, number: int) -> list[str]:
         """Return how the cores are called that a filter stands for, by the number of the first; nothing for all."""
@@ -216,9 +227,9 @@ def _attitude_of(core: Core) -> Quaternion:
     return Quaternion(*core.output.now.quat)
 
 
-def _places(parts: AhrsParts) -> list[Three]:
+def _places(params: ParamTable) -> list[Three]:
     """Return the place of each IMU as counted from the first, m, body (FRD)."""
-    x_y_z = (map(float, parts.imu_pos(imu).to_tuple()) for imu in range(MAX_IMUS))
+    x_y_z = (map(float, imu_pos(params, imu).to_tuple()) for imu in range(MAX_IMUS))
     first, *others = [(x, y, z) for x, y, z in x_y_z]
     return [_HERE, *(from_imu(place, first) for place in others)]
 

@@ -52,7 +52,7 @@ from ap_core.verdict import Outcome
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.ahrs_settable import ExtNav, SettableAhrs
-from ekf_stub.ahrs.parts import AhrsParts
+from ekf_stub.ahrs.fitted import has_compass
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
@@ -147,9 +147,12 @@ MESSAGE_IDS = st.sampled_from([float(message_id(name)) for name in SENDERS])
 class SpyAhrs(Ekf3Ahrs):
     """The AHRS of a parked vehicle, which remembers what it is given as well."""
 
-    def __init__(self, parts: AhrsParts) -> None:
-        sensors = BenchSource(ImuOptions(has_compass=parts.has_compass))
-        super().__init__(parts, sensors)
+    def __init__(self, vehicle: Vehicle) -> None:
+        params = vehicle.params
+        sensors = BenchSource(ImuOptions(has_compass=lambda: has_compass(params)))
+        super().__init__(
+            sensors, vehicle.clock, vehicle.sources, vehicle.replay_log, vehicle.logger, params, vehicle.texts
+        )
         self.spy = SettableAhrs()
 
     def writeExtNavData(self, *args: Any) -> None:
@@ -241,8 +244,8 @@ class EndpointMachine(RuleBasedStateMachine):
     def _make_vehicle(self, defaults: dict[str, float]) -> Vehicle:
         spies: list[SpyAhrs] = []
 
-        def make_ahrs(parts: AhrsParts) -> SpyAhrs:
-            spies.append(SpyAhrs(parts))
+        def make_ahrs(vehicle: Vehicle) -> SpyAhrs:
+            spies.append(SpyAhrs(vehicle))
             return spies[-1]
 
         def open_log() -> MemoryLog:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
-from ekf_stub.ahrs.parts import AhrsParts
 from viso.faults.poses import VISION_NAMES
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.sink import LogSink
@@ -34,7 +33,7 @@ class ReplaySetup:
     The AHRS has a filter if the filter is to be watched.
     """
 
-    make_ahrs: Callable[[AhrsParts], AhrsBase]
+    make_ahrs: Callable[[Vehicle], AhrsBase]
     baud: int | None = None
     with_filter: bool = False
     firmware: Firmware = REFERENCE

@@ -13,7 +13,6 @@ import numpy as np
 import yaml
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
-from ekf_stub.ahrs.parts import AhrsParts
 from viso.companion.trials.evaluation import TimedPoses
 from viso.compare.figures import Judge, Row
 from viso.documents import parsed_yaml
@@ -41,6 +40,7 @@ from viso.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input
 from viso.terminal.ahrs import AhrsChoice, ahrs_maker, imu_options
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.sensors.inertial_sources import read_source
+from viso.vehicle.vehicle import Vehicle
 
 _KEPT: Final = 4
 """How many files of a kind a process remembers."""
@@ -105,7 +105,7 @@ def check_file(file: InputFile) -> None:
         raise InputError(f"{file.path}: not the file that the sweep was begun with")
 
 
-def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[AhrsParts], AhrsBase]:
+def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[Vehicle], AhrsBase]:
     if recorded.ahrs is not None:
         return _following(recorded.ahrs)
     choice = AhrsChoice(None, recorded.imu, list(plan.imu_errors), seed or 0, plan.heading_deg)
@@ -113,7 +113,7 @@ def _ahrs(plan: SweepPlan, recorded: Recorded, seed: int | None) -> Callable[[Ah
 
 
 @lru_cache(_KEPT)
-def _following(log: str) -> Callable[[AhrsParts], AhrsBase]:
+def _following(log: str) -> Callable[[Vehicle], AhrsBase]:
     return ahrs_maker(AhrsChoice(Path(log)))
 
 

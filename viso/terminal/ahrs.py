@@ -12,13 +12,13 @@ import typer
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
-from ekf_stub.ahrs.parts import AhrsParts
 from viso.errors import InputError
 from viso.logs.recorded import read_recorded_states
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.sensors.errors import ERROR_NAMES, parse_errors
 from viso.vehicle.sensors.inertial_sources import FLOWN, IMU_HELP, read_source
 from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.vehicle import Vehicle
 
 AhrsOption = Annotated[
     Path | None,
@@ -73,7 +73,7 @@ def imu_options(choice: AhrsChoice) -> ImuOptions:
     return ImuOptions(heading_rad=heading_rad, errors=parse_errors(choice.imu_errors or []), seed=choice.imu_seed)
 
 
-def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[AhrsParts], AhrsBase]:
+def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[Vehicle], AhrsBase]:
     """Return the maker of the AHRS that was chosen; files are read now.
 
     Raises InputError if a file cannot be read or lacks something, an option cannot be used, or two exclude each other.
@@ -85,4 +85,4 @@ def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[Ahrs
         if value:
             raise InputError(f"--ahrs and {name}: a vehicle that follows a log has no sensors")
     states = read_recorded_states(choice.log)
-    return lambda parts: RecordedAhrs(parts.clock, parts.sources, parts.log, states)
+    return lambda vehicle: RecordedAhrs(vehicle.clock, vehicle.sources, vehicle.replay_log, states)

@@ -5,11 +5,12 @@
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from ap_core.param_cache import FromParams
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.ahrs.parts import AhrsParts
+from ekf_stub.ahrs.fitted import has_compass
 from mav_handlers.signing.state import KeyStore, MemoryKeyStore
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.files import LogStore
@@ -19,10 +20,13 @@ from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.source import VehicleSource
 from viso.vehicle.sensors.standing import BenchSource
 
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
+
 
 def by_ekf3(
     make_source: Callable[[ImuOptions], VehicleSource], options: ImuOptions, *, buffer_ms: int = 0
-) -> Callable[[AhrsParts], AhrsBase]:
+) -> Callable[["Vehicle"], AhrsBase]:
     """Return the maker of an AHRS that runs the filter on sensors; the options' compass is the vehicle's.
 
     Args:
@@ -31,15 +35,26 @@ def by_ekf3(
         buffer_ms: a delay for which the filter's buffers are long enough in any case.
     """
 
-    def make(parts: AhrsParts) -> AhrsBase:
-        source = make_source(replace(options, has_compass=FromParams(parts.params, parts.has_compass)))
-        start_us = AHRS_START_US if source.flight is None else source.flight.ahrs_start_us
-        return Ekf3Ahrs(parts, source, start_us=start_us, buffer_ms=buffer_ms)
+    def make(vehicle: "Vehicle") -> AhrsBase:
+        params = vehicle.params
+        source = make_source(replace(options, has_compass=FromParams(params, lambda: has_compass(params))))
+        return Ekf3Ahrs(
+            source,
+            vehicle.clock,
+            vehicle.sources,
+            vehicle.replay_log,
+            vehicle.logger,
+            params,
+            vehicle.texts,
+            vehicle.firmware.ekf,
+            start_us=AHRS_START_US if source.flight is None else source.flight.ahrs_start_us,
+            buffer_ms=buffer_ms,
+        )
 
     return make
 
 
-def bench(heading_deg: float = 0.0) -> Callable[[AhrsParts], AhrsBase]:
+def bench(heading_deg: float = 0.0) -> Callable[["Vehicle"], AhrsBase]:
     """Return the maker of an AHRS that runs the filter on a vehicle that stands level, with a heading."""
     return by_ekf3(BenchSource, ImuOptions(heading_rad=math.remainder(math.radians(heading_deg), 2 * math.pi)))
 
@@ -49,7 +64,8 @@ class VehicleConfig:
     """How to build a vehicle.
 
     Attributes:
-        make_ahrs: makes the AHRS; a vehicle on the bench, heading north, unless told otherwise.
+        make_ahrs: makes the AHRS of a vehicle whose clock, parameters, texts and logs are there already; unless told
+            otherwise it stands on the bench, heading north.
         links: how many links it will have.
         vicon: whether the simulator's own camera sees it, on one link more; it takes a vehicle that flies.
         defaults: parameter values by name that count as its defaults, as from a defaults file.
@@ -64,7 +80,7 @@ class VehicleConfig:
         message_intervals: default intervals in ms by message id, by number of the link; 0 is off.
     """
 
-    make_ahrs: Callable[[AhrsParts], AhrsBase] = field(default_factory=bench)
+    make_ahrs: Callable[["Vehicle"], AhrsBase] = field(default_factory=bench)
     links: int = 1
     vicon: bool = False
     defaults: Mapping[str, float] = field(default_factory=dict)

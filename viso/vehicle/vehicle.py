@@ -7,7 +7,8 @@ loop, which are 400 per second. A pass runs what comes before the filter, the fi
 turn, in the firmware's order. So records and messages come in the order that a real log has. Nothing here waits, sleeps
 or runs beside; who calls decides whether time is real.
 
-This is the one place that knows all parts. Each is built with the objects that it asks for. The last part of the class
+This is the one place that knows all parts. The copter and the maker of the AHRS get the vehicle, and take what they
+need of it; all others get the objects that they ask for. The last part of the class
 is the vehicle as the endpoint sees it (``mav_handlers.ports``), and for the most part passes on.
 """
 
@@ -20,7 +21,6 @@ from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
-from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.params import EkfSources
 from ekf_stub.log.ekf_log_structure import XKF1
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
@@ -40,7 +40,6 @@ from viso.parameters.table import make_groups
 from viso.vehicle.banner import banner
 from viso.vehicle.config import VehicleConfig, bench
 from viso.vehicle.copter.copter import Copter
-from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
 from viso.vehicle.ftp.files import VehicleFiles
 from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
@@ -80,6 +79,7 @@ class Vehicle:
     Attributes:
         firmware: the release that it is.
         clock, params, texts, log, logger, logs, log_transfer, files: what all share.
+        sources, replay_log: the EKF's source sets, and where its inputs are logged.
         battery_monitor: BATT_MONITOR at boot, 0 for none.
         ahrs, source, visual_odom, gps, flow, ranges, rtc, copter: what it is made of; ``source`` is where its sensors'
             data come from.
@@ -124,11 +124,8 @@ class Vehicle:
         self.params.on_change.append(self.sources.forget)
         self._has_log_replay = FromParams(self.params, lambda: self.params.get_int("LOG_REPLAY") != 0)
         self._logs_disarmed = FromParams(self.params, lambda: self.params.get_int("LOG_DISARMED") != 0)
-        self._replay_log = ReplayLog(self.logger, self._logs_replay, event_order=config.firmware.event_order)
-        parts = AhrsParts(
-            self.clock, self.sources, self._replay_log, self.logger, self.params, self.texts, config.firmware.ekf
-        )
-        self.ahrs: AhrsBase = config.make_ahrs(parts)
+        self.replay_log = ReplayLog(self.logger, self._logs_replay, event_order=config.firmware.event_order)
+        self.ahrs: AhrsBase = config.make_ahrs(self)
         source = self.ahrs.source
         self.source = source if isinstance(source, VehicleSource) else VehicleSource(ImuOptions())
         self.hil = self.source.hil
@@ -147,25 +144,7 @@ class Vehicle:
         self.flow = MavlinkFlow(self.clock, self.params, self.ahrs, self.logger)
         self.ranges = MavlinkRanges(self.clock, self.params, self.logger, config.firmware.params.range_unit)
         self.battery_monitor = self.params.get_int("BATT_MONITOR")
-        self.copter = Copter(
-            CopterParts(
-                self.clock,
-                self.params,
-                self.texts,
-                self.log,
-                self.logger,
-                self.ahrs,
-                self.visual_odom,
-                self.internal_errors,
-                self.flow,
-                self.ranges,
-                self.gps,
-                self.source,
-                self.log_transfer,
-                release=config.firmware.params,
-                variance_texts=config.firmware.variance_texts,
-            )
-        )
+        self.copter = Copter(self)
         self._last_location: Location | None = None
         self._internal_errors_told = 0
         self._kept_generation = 0
@@ -367,7 +346,7 @@ class Vehicle:
         self.log.text(text[:TEXT_FIELD_LEN])
 
     def _on_log_open(self) -> None:
-        self._replay_log.new_log()
+        self.replay_log.new_log()
         modes = self.copter.modes
         self.log.start(self.banner(), modes.current.number, modes.reason)
         for kind, place in ((ORGN_EKF, self.ahrs.origin()), (ORGN_HOME, self.copter.home.place)):

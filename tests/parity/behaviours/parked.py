@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
-from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
     COMMAND_ACK,
@@ -53,7 +52,7 @@ class Parked:
         received: what it has sent, with the time in s.
     """
 
-    def __init__(self, make_ahrs: Callable[[AhrsParts], AhrsBase], params: Mapping[str, float], folder: Path) -> None:
+    def __init__(self, make_ahrs: Callable[[Vehicle], AhrsBase], params: Mapping[str, float], folder: Path) -> None:
         self._folder = folder
         self._file = MemoryLog()
         self._read_log: Log | None = None

@@ -16,7 +16,6 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.core.core import Core
 from ekf_stub.core.covariance import ACCEL, GYRO
 from ekf_stub.core.params import EkfSources
@@ -79,15 +78,13 @@ class BenchRig:
         self.params.on_change.append(self.sources.forget)
         source = BenchSource(replace(options, has_compass=lambda: has_compass))
         self.ahrs = Ekf3Ahrs(
-            AhrsParts(
-                clock=self.clock,
-                sources=self.sources,
-                log=ReplayLog(self, lambda: self.is_logged),
-                logger=SilentLog(),
-                params=self.params,
-                texts=self,
-            ),
             source,
+            self.clock,
+            self.sources,
+            ReplayLog(self, lambda: self.is_logged),
+            SilentLog(),
+            self.params,
+            self,
         )
         self.state = self.ahrs.state
         self.state.gps_lag_s = USUAL_LAG_S

@@ -16,7 +16,6 @@ from ap_core.verdict import Verdict
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_ekf3 import passes_through
 from ekf_stub.ahrs.ahrs_settable import ExtNav, ExtNavVel, RememberedCalls
-from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
@@ -167,9 +166,9 @@ class Bench:
         self.log = MemoryLog()
         spies: list[SpyAhrs] = []
 
-        def make_ahrs(parts: AhrsParts) -> AhrsBase:
+        def make_ahrs(vehicle: Vehicle) -> AhrsBase:
             make = by_ekf3(FlyingSource, ImuOptions()) if flies else bench()
-            spies.append(SpyAhrs(make(parts), parts.clock))
+            spies.append(SpyAhrs(make(vehicle), vehicle.clock))
             return cast("AhrsBase", spies[-1])
 
         config = VehicleConfig(

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -18,20 +19,18 @@ from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
-from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_settable import SettableAhrs
-from ekf_stub.ahrs.parts import AhrsParts
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
 from mav_handlers.links.pair import make_pair
-from mav_handlers.transfers.log_transfer import LogTransfer
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, ODOMETRY, PARAM_SET, Message
 from tests.copies import Copies
 from tests.unit.viso.command_line import Outcome, Viso
 from viso import cli
 from viso.commands import serve as serve_command
+from viso.firmware.releases import REFERENCE
 from viso.logs.logger import Logger
 from viso.logs.sink import LogSink, MemoryLog
 from viso.logs.vehicle_log import VehicleLog
@@ -39,9 +38,7 @@ from viso.parameters.table import make_groups
 from viso.running.virtual_time import Scheduler
 from viso.terminal import console
 from viso.vehicle.copter.copter import Copter
-from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.flow import MavlinkFlow
-from viso.vehicle.gps import MavlinkGps
 from viso.vehicle.ranges import MavlinkRanges
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.source import VehicleSource
@@ -52,7 +49,7 @@ BOOTING_PERIOD_US = 10_000
 """Of the main loop until then: as seldom as the sensors allow."""
 
 
-MakeAhrs = Callable[[AhrsParts], AhrsBase]
+MakeAhrs = Callable[[Vehicle], AhrsBase]
 
 
 class Bench:
@@ -309,23 +306,26 @@ class CopterRig:
             (structure.name, dict(zip(structure.fields, values, strict=True)))
         )
         self.ranges = MavlinkRanges(self.clock, self.params, self.logger)
-        self.copter = Copter(
-            CopterParts(
+        self.vehicle = cast(
+            Vehicle,
+            SimpleNamespace(
+                firmware=REFERENCE,
                 clock=self.clock,
                 params=self.params,
                 texts=self,
                 log=VehicleLog(self.logger, self.clock),
                 logger=self.logger,
-                ahrs=cast(AhrsBase, self.ahrs),
-                visual_odom=cast(AP_VisualOdom, self.visual_odom),
+                ahrs=self.ahrs,
+                visual_odom=self.visual_odom,
                 internal_errors=self.errors,
                 flow=MavlinkFlow(self.clock, self.params, cast(AhrsBase, self.ahrs), self.logger),
                 ranges=self.ranges,
-                gps=cast(MavlinkGps, self),
+                gps=self,
                 source=source or VehicleSource(ImuOptions()),
-                log_transfer=cast(LogTransfer, self),
-            )
+                log_transfer=self,
+            ),
         )
+        self.copter = Copter(self.vehicle)
         self.copter.has_booted = True
         self.copter.disarm_when_idle()
 

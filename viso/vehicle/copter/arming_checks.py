@@ -7,14 +7,16 @@ healthy, and none is asked for when yaw comes from elsewhere.
 """
 
 import math
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from ap_core.fmath import f32, norm3
 from ekf_stub.inputs.gps_sample import GpsSample
 from viso.vehicle.copter.arming import ANY_CHECK, Arming, Check, CheckLists
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.modes import FlightModes, Mode, ModeNumber
-from viso.vehicle.copter.parts import CopterParts
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 CHECK_GPS: Final = 1 << 3
 CHECK_INS: Final = 1 << 4
@@ -45,8 +47,8 @@ class CheckedCopter(Protocol):
 class ArmingChecks:
     """Each method looks at one thing and returns what is wrong with it, or None."""
 
-    def __init__(self, parts: CopterParts, copter: CheckedCopter) -> None:
-        self._parts = parts
+    def __init__(self, vehicle: "Vehicle", copter: CheckedCopter) -> None:
+        self._vehicle = vehicle
         self._copter = copter
 
     def _mode(self) -> Mode:
@@ -97,7 +99,7 @@ class ArmingChecks:
         """What is mandatory, between what a mode with a position needs of GPS and home (gps_checks)."""
         if not (self._mode().requires_position and self._copter.arming.is_enabled(CHECK_GPS)):
             return self.position()
-        solution = self._parts.newest_gps()
+        solution = self._vehicle.source.gps() or self._vehicle.gps.sample()
         return self._gps_failure(solution) or self.position() or self._dilution_failure(solution)
 
     def _gps_failure(self, solution: GpsSample | None) -> str | None:
@@ -108,7 +110,7 @@ class ArmingChecks:
             return "GPS 1: not healthy"
         if not self._copter.has_home():
             return "AHRS: waiting for home"
-        place = self._parts.ahrs.get_location()
+        place = self._vehicle.ahrs.get_location()
         if solution is None or place is None:
             return None
         way = solution.location.distance_ned(place)
@@ -116,13 +118,13 @@ class ArmingChecks:
         return f"GPS and AHRS differ by {distance_m:4.1f}m" if distance_m > AHRS_GPS_ERROR_MAX_M else None
 
     def _dilution_failure(self, solution: GpsSample | None) -> str | None:
-        limit = self._parts.params.get_int("GPS_HDOP_GOOD")
+        limit = self._vehicle.params.get_int("GPS_HDOP_GOOD")
         return "High GPS HDOP" if solution is not None and solution.hdop > limit else None
 
     def position(self) -> str | None:
         """The AHRS is ready and, in a mode that needs it, has a position (mandatory_gps_checks)."""
         needs_position = self._mode().requires_position
-        failure = self._parts.ahrs.pre_arm_failure(requires_position=needs_position)
+        failure = self._vehicle.ahrs.pre_arm_failure(requires_position=needs_position)
         if failure is not None:
             return f"AHRS: {failure}"
         return self._position_failure() if needs_position else None
@@ -133,14 +135,14 @@ class ArmingChecks:
             return "Need Position Estimate"
         if estimates.is_gps_glitching():
             return "GPS glitching"
-        variance = estimates.failing_variance(float(self._parts.params.get_float("FS_EKF_THRESH")))
+        variance = estimates.failing_variance(float(self._vehicle.params.get_float("FS_EKF_THRESH")))
         return None if variance is None else f"EKF {variance} variance"
 
     def logging(self) -> str | None:
         """Logs can be written, and nobody is downloading one (logging_checks)."""
-        if self._parts.logger.failure is not None:
+        if self._vehicle.logger.failure is not None:
             return "Logging failed"
-        return "Downloading logs" if self._parts.log_transfer.is_active else None
+        return "Downloading logs" if self._vehicle.log_transfer.is_active else None
 
     def mission(self) -> str | None:
         """AUTO has a mission; there is none here (mission_checks)."""
@@ -148,21 +150,21 @@ class ArmingChecks:
 
     def ranges(self) -> str | None:
         """All range finders work (rangefinder_checks)."""
-        return self._parts.ranges.failure()
+        return self._vehicle.ranges.failure()
 
     def internal_errors(self) -> str | None:
         """Nothing happened that should not be possible (system_checks)."""
-        errors = self._parts.internal_errors
+        errors = self._vehicle.internal_errors
         return f"Internal errors 0x{errors.mask:x} l:{errors.last_line} {errors.describe()}" if errors.mask else None
 
     def visual_odom(self) -> str | None:
         """Visual odometry works (visodom_checks)."""
-        failure = self._parts.visual_odom.pre_arm_check()
+        failure = self._vehicle.visual_odom.pre_arm_check()
         return None if failure is None else f"VisOdom: {failure}"
 
     def ahrs_health(self) -> str | None:
         """The estimator is healthy."""
-        return None if self._parts.ahrs.healthy() else "AHRS not healthy"
+        return None if self._vehicle.ahrs.healthy() else "AHRS not healthy"
 
     def mode(self) -> str | None:
         """The mode may be armed in."""
@@ -171,7 +173,7 @@ class ArmingChecks:
 
     def lean_angle(self) -> str | None:
         """The vehicle is roughly level."""
-        quat = self._parts.ahrs.get_quaternion()
+        quat = self._vehicle.ahrs.get_quaternion()
         if quat is None:
             return None
         cos_lean = math.cos(quat.get_euler_roll()) * math.cos(quat.get_euler_pitch())
@@ -183,7 +185,7 @@ class ArmingChecks:
 
     def logging_started(self) -> str | None:
         """The log of the flight can be opened; opening it comes last (AP_Arming::arm_checks)."""
-        logger = self._parts.logger
-        logger.update(True, self._parts.params)
+        logger = self._vehicle.logger
+        logger.update(True, self._vehicle.params)
         failed = not logger.is_open and logger.failure is not None
         return "Logging not started" if failed and self._copter.arming.is_enabled(CHECK_LOGGING) else None

@@ -4,7 +4,7 @@
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u8
 from ap_core.clock import NEVER
@@ -19,8 +19,10 @@ from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import AVAILABLE_MODES, FlightModes, ModeNumber, ModeReason
 from viso.vehicle.copter.motors import Motors
-from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.sensors.airframe import Airframe
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 EV_EKF_ALT_RESET: Final = 60
 EV_EKF_YAW_RESET: Final = 62
@@ -50,32 +52,32 @@ class Copter:
         has_booted: booting is over.
     """
 
-    def __init__(self, parts: CopterParts) -> None:
-        self._parts = parts
-        self.estimates = Estimates(parts.ahrs, self.is_armed, self._aids_relative_position, self.is_in_failsafe)
+    def __init__(self, vehicle: "Vehicle") -> None:
+        self._vehicle = vehicle
+        self.estimates = Estimates(vehicle.ahrs, self.is_armed, self._aids_relative_position, self.is_in_failsafe)
         self._ekf_check = EkfCheck(
-            parts, has_position=self.estimates.has_position, is_armed=self.is_armed, act=self._act_on_ekf_failure
+            vehicle, has_position=self.estimates.has_position, is_armed=self.is_armed, act=self._act_on_ekf_failure
         )
         self.safety_on = False
         self.mission = Mission()
-        self.home = Home(parts, self.is_armed, self.mission)
-        self.modes = FlightModes(parts, self.estimates, self.home, self.is_armed)
-        self._motors = Motors(parts)
-        self.landing = Landing(parts, self.modes, self._motors)
-        checks = ArmingChecks(parts, self).lists()
-        group = parts.params.group("ARMING_")
-        self.arming = Arming(checks, group, parts.texts, parts.log, parts.clock, parts.release)
+        self.home = Home(vehicle, self.is_armed, self.mission)
+        self.modes = FlightModes(vehicle, self.estimates, self.home, self.is_armed)
+        self._motors = Motors(vehicle)
+        self.landing = Landing(vehicle, self.modes, self._motors)
+        checks = ArmingChecks(vehicle, self).lists()
+        group = vehicle.params.group("ARMING_")
+        self.arming = Arming(checks, group, vehicle.texts, vehicle.log, vehicle.clock, vehicle.firmware.params)
         self.disarmed_us: int | None = None
         self.has_booted = False
         self._was_stable = True
         self._mode_has_changed = False
-        self._primary = parts.ahrs.primary
-        self._yaw_reset_ms = parts.ahrs.yaw_reset_ms
-        airframe = parts.source.airframe
+        self._primary = vehicle.ahrs.primary
+        self._yaw_reset_ms = vehicle.ahrs.yaw_reset_ms
+        airframe = vehicle.source.airframe
         self.flight = None if airframe is None else self._make_flight(airframe)
 
     def _make_flight(self, airframe: Airframe) -> FlightControl:
-        return FlightControl(airframe, self._parts, self.modes, self.landing, self.estimates, self.home)
+        return FlightControl(airframe, self._vehicle, self.modes, self.landing, self.estimates, self.home)
 
     def _act_on_ekf_failure(self) -> str | None:
         """Leave a mode that needs a position, as FS_EKF_ACTION has it; return the new one's name if it was left.
@@ -83,7 +85,7 @@ class Copter:
         Source: Copter::failsafe_ekf_event.
         """
         # FIRMWARE PARITY: a vehicle that nobody flies stays in its mode.
-        action, flight, mode = self._parts.params.get_int("FS_EKF_ACTION"), self.flight, self.modes.current
+        action, flight, mode = self._vehicle.params.get_int("FS_EKF_ACTION"), self.flight, self.modes.current
         if flight is None or action == EkfAction.REPORT:
             return None
         if mode.number == ModeNumber.LAND and flight.land.holds_position:
@@ -98,7 +100,7 @@ class Copter:
         return self.modes.current.name
 
     def _aids_relative_position(self) -> bool:
-        return self._parts.visual_odom.enabled() or self._parts.flow.enabled()
+        return self._vehicle.visual_odom.enabled() or self._vehicle.flow.enabled()
 
     def is_armed(self) -> bool:
         """Return whether the vehicle is armed."""
@@ -113,7 +115,7 @@ class Copter:
     def enter_initial_mode(self) -> None:
         """Enter the mode of INITIAL_MODE, at the end of booting, or stay in STABILIZE (Copter::init_ardupilot)."""
         self.has_booted = True
-        self.modes.set_mode(u8(self._parts.params.get_int("INITIAL_MODE")), ModeReason.INITIALISED)
+        self.modes.set_mode(u8(self._vehicle.params.get_int("INITIAL_MODE")), ModeReason.INITIALISED)
 
     def update(self) -> None:
         """Hear of the estimator's jumps, set home, lift off, land; once a pass of the main loop."""
@@ -121,7 +123,7 @@ class Copter:
         self.home.update()
         self._motors.update()
         decides = self.flight is None or self.flight.update(armed=self.arming.armed)
-        if self.arming.armed and (decides or self.landing.idle_until_us() <= self._parts.clock.micros64()):
+        if self.arming.armed and (decides or self.landing.idle_until_us() <= self._vehicle.clock.micros64()):
             self.landing.update()
             if self.landing.has_landed_by_itself():
                 self._disarm(ArmMethod.LANDED)
@@ -136,7 +138,7 @@ class Copter:
         return min(until_us, self.landing.idle_until_us()) if self.arming.armed else until_us
 
     def _ekf_has_reset(self) -> bool:
-        ahrs = self._parts.ahrs
+        ahrs = self._vehicle.ahrs
         return ahrs.yaw_reset_ms != self._yaw_reset_ms or ahrs.primary != self._primary
 
     def _check_ekf_reset(self) -> None:
@@ -144,14 +146,14 @@ class Copter:
 
         Source: Copter::check_ekf_reset.
         """
-        ahrs, parts = self._parts.ahrs, self._parts
+        ahrs, vehicle = self._vehicle.ahrs, self._vehicle
         if ahrs.yaw_reset_ms != self._yaw_reset_ms:
             self._yaw_reset_ms = ahrs.yaw_reset_ms
-            parts.log.event(EV_EKF_YAW_RESET)
+            vehicle.log.event(EV_EKF_YAW_RESET)
         if ahrs.primary != self._primary:
             self._primary = ahrs.primary
-            parts.log.error(ERR_SUBSYSTEM_EKF_PRIMARY, self._primary)
-            parts.texts.send_text(_MAV_SEVERITY_WARNING, f"EKF primary changed:{self._primary}")
+            vehicle.log.error(ERR_SUBSYSTEM_EKF_PRIMARY, self._primary)
+            vehicle.texts.send_text(_MAV_SEVERITY_WARNING, f"EKF primary changed:{self._primary}")
 
     def take_changed(self) -> list[str]:
         """Return, once, the messages that tell of what has changed."""
@@ -167,7 +169,7 @@ class Copter:
 
     def ground_idle_until_us(self) -> int:
         """Return before when ``expect_ground`` has nothing to do as things are; 0 if the next time it may."""
-        is_told = self._parts.source.expected() is not None
+        is_told = self._vehicle.source.expected() is not None
         may_change = not is_told and self.landing.may_expect(armed=self.arming.armed)
         # Whether the estimator has a position may change in any pass.
         may_be_stable = self._was_stable or self.landing.is_taking_off() or self.modes.current.lands
@@ -183,7 +185,7 @@ class Copter:
         """
         self.landing.expect(armed=self.is_armed())
         self._was_stable = self._is_stable()
-        self._parts.ahrs.set_terrain_stable(is_stable=self._was_stable)
+        self._vehicle.ahrs.set_terrain_stable(is_stable=self._was_stable)
 
     def disarm_when_idle(self) -> None:
         """Disarm after DISARM_DELAY on the ground; ten times per second."""
@@ -235,27 +237,27 @@ class Copter:
         """Start a take-off to a height above home; say whether it was accepted (Mode::do_user_takeoff)."""
         if not self.is_armed() or altitude_cm <= self._height_above_home_cm():
             return False
-        if self._parts.source.stands_for_ever:
-            self._parts.texts.send_text(_MAV_SEVERITY_WARNING, STANDS_TEXT)
+        if self._vehicle.source.stands_for_ever:
+            self._vehicle.texts.send_text(_MAV_SEVERITY_WARNING, STANDS_TEXT)
             return False
         return self.landing.take_off(must_navigate, 0.01 * (altitude_cm - self._height_above_home_cm()))
 
     def _height_above_home_cm(self) -> float:
         # current_loc: above home or, while that is unset, above the origin.
-        place, home = self._parts.ahrs.get_location(), self.home.place
+        place, home = self._vehicle.ahrs.get_location(), self.home.place
         if place is not None and home is not None:
             return place.alt_cm - home.alt_cm
-        position = self._parts.ahrs.get_relative_position_NED_origin_float()
+        position = self._vehicle.ahrs.get_relative_position_NED_origin_float()
         return 0.0 if position is None else -100 * float(position.z)
 
     def arm(self, do_checks: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
         """Try to arm; failures are told as texts (AP_Arming_Copter::arm)."""
-        parts = self._parts
+        vehicle = self._vehicle
         if not do_checks:
             # The log that arming opens is to hold the fact; the checks would have opened it.
-            parts.logger.update(True, parts.params)
+            vehicle.logger.update(True, vehicle.params)
         if not self.arming.arm(do_checks, method):
-            self.disarmed_us = parts.clock.micros64()
+            self.disarmed_us = vehicle.clock.micros64()
             return False
         self._note_armed()
         return True
@@ -263,24 +265,24 @@ class Copter:
     def follow(self, *, armed: bool) -> None:
         """Be armed or not, as a vehicle was whose flight is flown again."""
         if armed and not self.is_armed():
-            self._parts.logger.update(True, self._parts.params)
+            self._vehicle.logger.update(True, self._vehicle.params)
             self.arming.become_armed(forced=True)
             self._note_armed()
         elif not armed:
             self._disarm(ArmMethod.MAVLINK, forced=True)
 
     def _note_armed(self) -> None:
-        parts = self._parts
-        parts.logger.update(True, parts.params)
+        vehicle = self._vehicle
+        vehicle.logger.update(True, vehicle.params)
         if not self.has_home():
-            parts.ahrs.reset_height_datum()
-            parts.log.event(EV_EKF_ALT_RESET)
+            vehicle.ahrs.reset_height_datum()
+            vehicle.log.event(EV_EKF_ALT_RESET)
         elif not self.home.locked:
             self.home.set_here(lock=False)
         self._motors.arm()
         self.landing.note_armed()
         self.modes.log_mode()
-        parts.log_transfer.pause()
+        vehicle.log_transfer.pause()
 
     def disarm(self, force: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
         """Disarm, in flight only when forced; say whether that changed anything (AP_Arming_Copter::disarm)."""
@@ -291,7 +293,7 @@ class Copter:
     def _disarm(self, method: ArmMethod, *, forced: bool = False) -> bool:
         if not self.arming.disarm(method, forced=forced):
             return False
-        self.disarmed_us = self._parts.clock.micros64()
+        self.disarmed_us = self._vehicle.clock.micros64()
         self.landing.note_disarmed()
         self._motors.disarm()
         return True

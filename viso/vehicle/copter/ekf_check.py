@@ -3,11 +3,13 @@
 """What the vehicle does when its estimator fails (ArduCopter/ekf_check.cpp)."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u32
 from ekf_stub.reports.filter_status import FilterStatus
-from viso.vehicle.copter.parts import CopterParts
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 ITERATIONS_MAX: Final = 10
 WARNING_PERIOD_MS: Final = 30_000
@@ -38,7 +40,7 @@ class EkfCheck:
     """Counts failures, ten times per second; it asks the estimator for help, and after a second of them it warns.
 
     Args:
-        parts: the vehicle around it.
+        vehicle: the vehicle around it.
         has_position: says whether the estimator has a position, failsafe or not.
         is_armed: says whether the vehicle is armed.
         act: leaves a mode that needs a position, of an armed vehicle; returns what it is called that it enters.
@@ -50,16 +52,16 @@ class EkfCheck:
 
     def __init__(
         self,
-        parts: CopterParts,
+        vehicle: "Vehicle",
         *,
         has_position: Callable[[], bool],
         is_armed: Callable[[], bool],
         act: Callable[[], str | None],
     ) -> None:
-        self._ahrs = parts.ahrs
-        self._texts = parts.texts
-        self._log = parts.log
-        self._parts = parts
+        self._ahrs = vehicle.ahrs
+        self._texts = vehicle.texts
+        self._log = vehicle.log
+        self._vehicle = vehicle
         self._has_position = has_position
         self._is_armed = is_armed
         self._act = act
@@ -75,13 +77,13 @@ class EkfCheck:
         status = None if self._ahrs.origin() is None else self._ahrs.get_filter_status()
         if status is None:
             return
-        threshold = float(self._parts.params.get_float("FS_EKF_THRESH"))
+        threshold = float(self._vehicle.params.get_float("FS_EKF_THRESH"))
         if threshold <= 0:
             self._failures = 0
             self.failed = False
             self._end_failsafe()
             return
-        is_over = is_over_threshold(status, threshold, has_flow=self._parts.flow.healthy())
+        is_over = is_over_threshold(status, threshold, has_flow=self._vehicle.flow.healthy())
         passed = self._has_position() and not is_over
         self._has_ever_passed |= passed
         if self._has_ever_passed:
@@ -106,9 +108,9 @@ class EkfCheck:
     def _fail(self, is_over: bool) -> None:
         self.failed = True
         self._log.error(ERR_SUBSYSTEM_EKFCHECK, ERR_BAD_VARIANCE)
-        now_ms = self._parts.clock.millis()
+        now_ms = self._vehicle.clock.millis()
         if u32(now_ms - self._last_warning_ms) > WARNING_PERIOD_MS:
-            over, lost = self._parts.variance_texts
+            over, lost = self._vehicle.firmware.variance_texts
             self._texts.send_text(_MAV_SEVERITY_CRITICAL, over if is_over else lost)
             self._last_warning_ms = now_ms
         self.in_failsafe = True

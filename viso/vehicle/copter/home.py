@@ -3,7 +3,7 @@
 """Home: when it is set, and by whom (ArduCopter/commands.cpp, AP_AHRS.cpp, AP_Baro.cpp)."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u32
 from ap_core.clock import NEVER
@@ -11,7 +11,9 @@ from ap_core.fmath import f32, is_zero
 from ap_core.location import Location
 from mav_handlers.mission import Mission
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME
-from viso.vehicle.copter.parts import CopterParts
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 EV_SET_HOME: Final = 25
 FIELD_ELEVATION_PERIOD_MS: Final = 1000
@@ -29,11 +31,11 @@ class Home:
         has_return_path: it was set to where the vehicle was, from where SMART_RTL notes its path.
     """
 
-    def __init__(self, parts: CopterParts, is_armed: Callable[[], bool], mission: Mission) -> None:
-        self._ahrs = parts.ahrs
-        self._log = parts.log
-        self._texts = parts.texts
-        self._clock = parts.clock
+    def __init__(self, vehicle: "Vehicle", is_armed: Callable[[], bool], mission: Mission) -> None:
+        self._ahrs = vehicle.ahrs
+        self._log = vehicle.log
+        self._texts = vehicle.texts
+        self._clock = vehicle.clock
         self._is_armed = is_armed
         self._mission = mission
         self._changed = False

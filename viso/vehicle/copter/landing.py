@@ -7,12 +7,14 @@ ArduCopter/baro_ground_effect.cpp.
 """
 
 import math
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from ap_core.clock import NEVER
 from viso.vehicle.copter.modes import FlightModes, Mode, ModeNumber, UserTakeoff
 from viso.vehicle.copter.motors import Motors
-from viso.vehicle.copter.parts import CopterParts
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 EV_AUTO_ARMED: Final = 15
 EV_LAND_COMPLETE_MAYBE: Final = 17
@@ -50,11 +52,11 @@ class Landing:
         grounded_since_us: since when it has stood on the ground in a descent, of one that is flown; else None.
     """
 
-    def __init__(self, parts: CopterParts, modes: FlightModes, motors: Motors) -> None:
-        self._ahrs = parts.ahrs
-        self._log = parts.log
-        self._params = parts.params
-        self._clock = parts.clock
+    def __init__(self, vehicle: "Vehicle", modes: FlightModes, motors: Motors) -> None:
+        self._ahrs = vehicle.ahrs
+        self._log = vehicle.log
+        self._params = vehicle.params
+        self._clock = vehicle.clock
         self._modes = modes
         self._motors = motors
         self._armed_down_m = 0.0
@@ -67,8 +69,8 @@ class Landing:
         self._grounded_us = 0
         self.landed = True
         self.expected = False, False
-        self.is_told = parts.source.flight is not None and parts.source.flight.tells_flying
-        self.is_flown = parts.source.airframe is not None
+        self.is_told = vehicle.source.flight is not None and vehicle.source.flight.tells_flying
+        self.is_flown = vehicle.source.airframe is not None
         self.grounded_since_us: int | None = None
 
     def flying_since_us(self) -> int | None:

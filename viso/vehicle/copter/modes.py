@@ -9,12 +9,14 @@ and taking off in it; none flies, but those of the model in ``viso.vehicle.copte
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mav_handlers.ports import AvailableMode
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.home import Home
-from viso.vehicle.copter.parts import CopterParts
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 ERR_SUBSYSTEM_FLIGHT_MODE: Final = 10
 
@@ -148,9 +150,9 @@ _NEVER_ENTERED: Final = frozenset(
 class FlightModes:
     """The flight mode, STABILIZE at first, and why it is that."""
 
-    def __init__(self, parts: CopterParts, estimates: Estimates, home: Home, is_armed: Callable[[], bool]) -> None:
-        self._texts = parts.texts
-        self._log = parts.log
+    def __init__(self, vehicle: "Vehicle", estimates: Estimates, home: Home, is_armed: Callable[[], bool]) -> None:
+        self._texts = vehicle.texts
+        self._log = vehicle.log
         self._estimates = estimates
         self._home = home
         self._is_armed = is_armed

@@ -5,10 +5,12 @@
 Source: ArduCopter/motors.cpp (motors_output), AP_Motors/AP_MotorsMulticopter.cpp (output_logic).
 """
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from ap_core.clock import NEVER
-from viso.vehicle.copter.parts import CopterParts
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 EV_INTERLOCK_DISABLED: Final = 56
 EV_INTERLOCK_ENABLED: Final = 57
@@ -24,9 +26,9 @@ SPOOL_DOWN_US: Final = 507_000
 class Motors:
     """Motors that turn from 2 s after arming on."""
 
-    def __init__(self, parts: CopterParts) -> None:
-        self._log = parts.log
-        self._clock = parts.clock
+    def __init__(self, vehicle: "Vehicle") -> None:
+        self._log = vehicle.log
+        self._clock = vehicle.clock
         self._turn_us = self._idle_us = NEVER
         self._interlock = False
 

@@ -13,7 +13,6 @@ from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AhrsBase
-from ekf_stub.ahrs.parts import AhrsParts
 from viso.dds import messages as ros
 from viso.dds.services import SERVICES
 from viso.dds.topics import TOPICS, static_transforms
@@ -27,8 +26,8 @@ ORIGIN = Location(-353632610, 1491652300, 58400)
 class KnownAhrs(AhrsBase):
     """An AHRS that knows where it is, and how it moves."""
 
-    def __init__(self, parts: AhrsParts) -> None:
-        super().__init__(parts.clock, parts.sources, parts.log)
+    def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(vehicle.clock, vehicle.sources, vehicle.replay_log)
 
     def get_quaternion(self) -> Quaternion | None:
         return Quaternion.from_euler(f32(0), f32(0), f32(math.pi / 2))  # the nose looks east

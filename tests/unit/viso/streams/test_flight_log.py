@@ -16,7 +16,6 @@ from ap_core.log_structure import FMT, FMTU, MSG, MULT, PARM, UNIT, LogStructure
 from ap_visualodom.log_structure import VISO, VISP, VISV
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
-from ekf_stub.ahrs.parts import AhrsParts
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
     PARAM_SET,
@@ -83,8 +82,8 @@ def replayed(stream: Stream, states: Path | None = None) -> dict[str, list[Row]]
     if states is not None:
         recorded = read_recorded_states(states)
 
-        def follow(parts: AhrsParts) -> AhrsBase:
-            return RecordedAhrs(parts.clock, parts.sources, parts.log, recorded)
+        def follow(vehicle: Vehicle) -> AhrsBase:
+            return RecordedAhrs(vehicle.clock, vehicle.sources, vehicle.replay_log, recorded)
 
         config = replace(config, make_ahrs=follow)
     rows: dict[str, list[Row]] = {name: [] for name in LAYOUTS}

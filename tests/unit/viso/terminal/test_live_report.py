@@ -136,7 +136,7 @@ def test_vehicle_without_a_filter_is_reported_on_as_well(
 ) -> None:
     at_rest = RecordedStates(np.zeros(1), np.zeros((1, 3)), np.zeros(0), np.zeros((0, 3)))
     bench = make_bench(
-        make_ahrs=lambda parts: RecordedAhrs(parts.clock, parts.sources, parts.log, at_rest), VISO_TYPE=1
+        make_ahrs=lambda vehicle: RecordedAhrs(vehicle.clock, vehicle.sources, vehicle.replay_log, at_rest), VISO_TYPE=1
     )
     LiveReport(out).watch(bench.vehicle)
     bench.see(0.2)

@@ -7,7 +7,7 @@ It knows where the vehicle is by the vehicle's own estimate alone. An estimate t
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from ap_core.clock import NEVER
 from ap_core.location import Location
@@ -25,9 +25,11 @@ from viso.vehicle.copter.flying.sticks import PilotSticks
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import FlightModes, ModeNumber
-from viso.vehicle.copter.parts import CopterParts
 from viso.vehicle.sensors.airframe import MOTORS_OFF, Airframe, Demand
 from viso.vehicle.sensors.vectors import Three, turned
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 PERIOD_US: Final = round(1e6 * PERIOD_S)
 SLOW_M_S: Final = 1.0
@@ -50,21 +52,21 @@ class FlightControl:
     def __init__(
         self,
         airframe: Airframe,
-        parts: CopterParts,
+        vehicle: "Vehicle",
         modes: FlightModes,
         landing: Landing,
         estimates: Estimates,
         home: Home,
     ) -> None:
         self._airframe = airframe
-        self._ahrs = parts.ahrs
-        self._clock = parts.clock
+        self._ahrs = vehicle.ahrs
+        self._clock = vehicle.clock
         self._flight_modes = modes
         self._landing = landing
         self._home = home
-        self._limits = FromParams(parts.params, lambda: Limits.of(parts.params, parts.release.flying))
+        self._limits = FromParams(vehicle.params, lambda: Limits.of(vehicle.params, vehicle.firmware.params.flying))
         self._steering = Steering(self._limits())
-        self._sticks = PilotSticks(parts.params, parts.clock)
+        self._sticks = PilotSticks(vehicle.params, vehicle.clock)
         self.guided = Guided(self._steering)
         self.land = Land(self._steering, estimates.position_ok, self._height_m)
         self._returns = ReturnHome(self._steering, self.land, self._home_ned)

@@ -167,7 +167,7 @@ def test_times_are_those_of_the_vehicle(rig: Rig) -> None:
 
 def test_vehicle_without_a_filter_cannot_be_followed() -> None:
     at_rest = RecordedStates(np.zeros(1), np.zeros((1, 3)), np.zeros(0), np.zeros((0, 3)))
-    config = VehicleConfig(lambda parts: RecordedAhrs(parts.clock, parts.sources, parts.log, at_rest))
+    config = VehicleConfig(lambda vehicle: RecordedAhrs(vehicle.clock, vehicle.sources, vehicle.replay_log, at_rest))
     vehicle = Vehicle(config)
     with pytest.raises(ValueError, match="without a filter"):
         FilterWatch(vehicle)

@@ -4,7 +4,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -46,7 +45,8 @@ class Flyer:
         source = FlyingSource(ImuOptions())
         self.airframe = source.airframe
         self.rig = rig
-        rig.copter = Copter(replace(rig.copter._parts, source=source))
+        rig.vehicle.source = source
+        rig.copter = Copter(rig.vehicle)
         self.copter = rig.copter
         self.off_ned = (0.0, 0.0, 0.0)
         self.off_yaw_rad = 0.0
