@@ -188,16 +188,6 @@ def _public_packages() -> Iterator[str]:
                 yield ".".join(file.parent.relative_to(DOCS.parent).parts)
 
 
-def _arming_texts() -> Iterator[tuple[str, ...]]:
-    title = ""
-    for line in (DOCS / "arming.md").read_text(encoding="utf-8").splitlines():
-        if line.startswith("## "):
-            title = line.removeprefix("## ")
-        elif line.startswith("| `"):
-            text, meaning, _ = line.strip("| ").split(" | ")
-            yield text, meaning, f"[{title}](arming.md#{title.lower().replace(' ', '-')})"
-
-
 def _default(row: ParamInfo) -> str:
     return ", ".join(f"{value:g}" for value in row.default) if isinstance(row.default, tuple) else f"{row.default:g}"
 
@@ -362,7 +352,7 @@ _WITNESSES: Final = {
 
 def _doctor_codes() -> Iterator[tuple[str, ...]]:
     for rule in DOCTOR_RULES:
-        link = f"[{rule.code}](doctor-codes.md#{rule.code.lower()})"
+        link = f"[{rule.code}](#{rule.code.lower()})"
         yield rule.title, link, rule.severity.value, _WITNESSES[rule.witness]
 
 
@@ -503,7 +493,6 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
         f"preset_{name.replace('-', '_')}": (("parameter", "why"), partial(_preset_values, path))
         for name, path in PRESETS.items()
     },
-    "arming_texts": (("the autopilot says", "what it means", "what to do"), _arming_texts),
     "firmware": (("", *(f"`{name}`" for name in PROFILES)), _firmware),
     "renames": (("before", "name", "since", "value"), _renames),
     "axes": (("--axes", "world/body", "whose they are"), _axes),
