@@ -32,8 +32,7 @@ from mav_handlers.routing import RADIO_MESSAGES, RouteTable
 from mav_handlers.senders import gps_global_origin
 from mav_handlers.senders.intervals import by_name, set_defaults
 from mav_handlers.senders.sending import Sending
-from mav_handlers.signing.state import SigningState
-from mav_handlers.signing.verdicts import signing_verdict
+from mav_handlers.signing import SigningState
 from mav_handlers.transfers.ftp import FtpReply, FtpServer
 from mav_handlers.verdicts import (
     NO_HANDLER,
@@ -42,6 +41,7 @@ from mav_handlers.verdicts import (
     OWN_MESSAGE,
     UNKNOWN_MESSAGE,
     bad_data_verdict,
+    signing_verdict,
 )
 from mav_handlers.wire.codec import BadData, Codec, Header, Received
 from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, PARAM_VALUE, Message

@@ -24,7 +24,7 @@ from mav_handlers.mission import Mission
 from mav_handlers.params.reads import ParamReads
 from mav_handlers.radio import RadioLink
 from mav_handlers.release import EndpointRelease, OriginSender
-from mav_handlers.signing.state import KeyStore, SigningState
+from mav_handlers.signing import KeyStore, SigningState
 from mav_handlers.statustext import StatusTextQueue
 from mav_handlers.transfers.ftp import FtpReply, FtpServer
 from mav_handlers.transfers.ftp_ports import FtpFiles

@@ -2,10 +2,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The rules by which the endpoint decides about a frame or a message."""
 
+from collections.abc import Mapping
 from typing import Final
 
 from ap_core.verdict import Outcome, Rule, Verdict, dropped
+from ap_visualodom import verdicts as port
+from mav_handlers.wire.signature import Refusal
 
+_SIGNATURE_CHECK: Final = "mavlink_helpers.h, mavlink_signature_check"
+_SIGNING_SETUP: Final = "GCS_Signing.cpp, GCS_MAVLINK::handle_setup_signing"
 _LOG_FILE: Final = "AP_Logger_MAVLinkLogTransfer.cpp"
 _LOG_LIST: Final = f"{_LOG_FILE}, handle_log_request_list"
 _LOG_DATA: Final = f"{_LOG_FILE}, handle_log_request_data"
@@ -126,6 +131,75 @@ LOG_REPEATED: Final = dropped(
     "log_repeated", "this link's log transfer is under way; the firmware is silent", _LOG_DATA
 )
 LOG_UNKNOWN: Final = dropped("log_unknown", "there is no log of that id; the firmware is silent", _LOG_DATA)
+UNSIGNED: Final = dropped(
+    "unsigned", "a key is set and the frame is not signed", "GCS_Signing.cpp, accept_unsigned_callback"
+)
+BAD_SIGNATURE: Final = dropped("bad_signature", "signed with another key, or changed since", _SIGNATURE_CHECK)
+SIGNATURE_REPLAYED: Final = dropped(
+    "signature_replayed", "the sender has used this timestamp or a later one before", _SIGNATURE_CHECK
+)
+SIGNATURE_OLD: Final = dropped(
+    "signature_old", "a new sender's timestamp is more than a minute behind the link's", _SIGNATURE_CHECK
+)
+SIGNATURE_STREAMS: Final = dropped("signature_streams", "16 other senders have signed frames already", _SIGNATURE_CHECK)
+SETUP_WHILE_ARMED: Final = dropped("signing_armed", "a signing key is not accepted while armed", _SIGNING_SETUP)
+KEY_NOT_SAVED: Final = dropped("signing_not_saved", "the signing key could not be stored", _SIGNING_SETUP)
+
+ALL_VERDICTS: Final = (
+    *port.VERDICTS,
+    HANDLED,
+    ODOMETRY_FRAMES,
+    OWN_MESSAGE,
+    NOT_ADDRESSED,
+    NOT_ACCEPTED,
+    NO_HANDLER,
+    UNKNOWN_MESSAGE,
+    BAD_PREFIX,
+    BAD_CRC,
+    BAD_FRAME,
+    PARAM_UNKNOWN,
+    PARAM_NOT_FINITE,
+    PARAM_READ_ONLY,
+    PARAM_QUEUE_FULL,
+    ORIGIN_REFUSED,
+    GPS_NOT_MAVLINK,
+    GPS_OTHER_INSTANCE,
+    NO_FLOW_SENSOR,
+    NO_PRECISION_LANDING,
+    NO_RANGEFINDER,
+    ADSB_OFF,
+    NO_HIL_INPUT,
+    NO_FLIGHT,
+    NOT_GUIDED,
+    TARGET_REFUSED,
+    MODE_REFUSED,
+    MISSION_TYPE,
+    TF_FRAMES,
+    TF_EMPTY,
+    TF_TOO_MANY,
+    TF_UNREADABLE,
+    LOG_NOT_READY,
+    LOG_ARMED,
+    LOG_BUSY,
+    LOG_REPEATED,
+    LOG_UNKNOWN,
+    UNSIGNED,
+    BAD_SIGNATURE,
+    SIGNATURE_REPLAYED,
+    SIGNATURE_OLD,
+    SIGNATURE_STREAMS,
+    SETUP_WHILE_ARMED,
+    KEY_NOT_SAVED,
+)
+"""Every verdict that a message can get."""
+
+_BY_REFUSAL: Final[Mapping[str, Verdict]] = {
+    Refusal.UNSIGNED: UNSIGNED,
+    Refusal.BAD_SIGNATURE: BAD_SIGNATURE,
+    Refusal.REPLAYED: SIGNATURE_REPLAYED,
+    Refusal.OLD_TIMESTAMP: SIGNATURE_OLD,
+    Refusal.TOO_MANY_STREAMS: SIGNATURE_STREAMS,
+}
 
 
 def bad_data_verdict(reason: str) -> Verdict:
@@ -133,3 +207,8 @@ def bad_data_verdict(reason: str) -> Verdict:
     if "prefix" in reason:
         return BAD_PREFIX
     return BAD_CRC if "CRC" in reason else BAD_FRAME
+
+
+def signing_verdict(reason: str) -> Verdict | None:
+    """Return the verdict on a frame refused for its signature, from ``BadData.reason``; None for other reasons."""
+    return _BY_REFUSAL.get(reason)

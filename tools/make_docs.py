@@ -28,12 +28,12 @@ from typer.testing import CliRunner
 from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
 from ekf_stub.inputs.ingest_rules import RULES as FILTER_RULES
-from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
 from mav_handlers.handlers.commands import COMMANDS as MAV_COMMANDS
 from mav_handlers.handlers.commands import MavCmd
 from mav_handlers.links import LINKS
 from mav_handlers.senders import SENDERS, STREAM_GROUPS, inertial, nothing_to_report, parked
+from mav_handlers.verdicts import ALL_VERDICTS
 from mav_handlers.wire.codec import full_length, message_id
 from mav_handlers.wire.messages import MESSAGES
 from tools import ekf_sources, pictures, rooms_picture, terminal_picture

@@ -21,7 +21,6 @@ from ap_visualodom import verdicts as port
 from ekf_stub.core.samples import HALF_FILTER_STEP_MS
 from ekf_stub.inputs import ingest_rules as ekf
 from mav_handlers import verdicts as endpoint
-from mav_handlers.signing import verdicts as signing
 from viso.vehicle.outcomes.labels import fate_of
 
 WIDTH: Final = 720
@@ -110,8 +109,8 @@ _STAGES: Final[tuple[tuple[str, str, tuple[str, ...], tuple[Verdict | Rule, ...]
         ("Bytes become a frame.",),
         (
             *(endpoint.BAD_PREFIX, endpoint.BAD_CRC, endpoint.BAD_FRAME, endpoint.UNKNOWN_MESSAGE),
-            *(signing.UNSIGNED, signing.BAD_SIGNATURE, signing.SIGNATURE_REPLAYED, signing.SIGNATURE_OLD),
-            signing.SIGNATURE_STREAMS,
+            *(endpoint.UNSIGNED, endpoint.BAD_SIGNATURE, endpoint.SIGNATURE_REPLAYED, endpoint.SIGNATURE_OLD),
+            endpoint.SIGNATURE_STREAMS,
         ),
     ),
     (

@@ -6,7 +6,7 @@ import logging
 from pathlib import Path
 from typing import Final
 
-from mav_handlers.signing.state import SigningKey
+from mav_handlers.signing import SigningKey
 from viso.errors import InputError
 from viso.files.outputs import remove_stale_drafts, replace_file
 

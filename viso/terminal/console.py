@@ -12,7 +12,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from ap_core.verdict import Outcome, Rule
-from mav_handlers.all_verdicts import ALL_VERDICTS
+from mav_handlers.verdicts import ALL_VERDICTS
 from viso.extras import pip_install
 from viso.terminal.printable import printable
 

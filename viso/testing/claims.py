@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from ap_core.verdict import Outcome
-from mav_handlers.all_verdicts import ALL_VERDICTS
 from mav_handlers.endpoint import UNKNOWN_NAME
+from mav_handlers.verdicts import ALL_VERDICTS
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import Message
 from viso.faults.poses import VISION_NAMES

@@ -5,14 +5,20 @@
 import pytest
 
 from ap_core.verdict import Outcome, Verdict
+from ap_visualodom import verdicts as port
 from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN, RESET_SETTLING
-from mav_handlers.all_verdicts import ALL_VERDICTS
-from mav_handlers.verdicts import BAD_CRC, BAD_FRAME, BAD_PREFIX, HANDLED, bad_data_verdict
+from mav_handlers import verdicts as endpoint
+from mav_handlers.verdicts import ALL_VERDICTS, BAD_CRC, BAD_FRAME, BAD_PREFIX, HANDLED, bad_data_verdict
 
 
 def test_codes_are_unique_among_all_rules() -> None:
     codes = [verdict.rule.code for verdict in ALL_VERDICTS]
     assert len(set(codes)) == len(codes)
+
+
+def test_none_is_left_out() -> None:
+    named = [value for module in (port, endpoint) for value in vars(module).values() if isinstance(value, Verdict)]
+    assert list(ALL_VERDICTS) == named
 
 
 def test_all_other_rules_drop_the_message() -> None:

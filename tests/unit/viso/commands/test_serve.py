@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mav_handlers.signing.state import SigningKey
+from mav_handlers.signing import SigningKey
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_SET, SETUP_SIGNING
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ap_core.param import ParamTable
-from mav_handlers.signing.state import SigningKey
+from mav_handlers.signing import SigningKey
 from mav_handlers.transfers.ftp_ports import Failure
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, SETUP_SIGNING, Message

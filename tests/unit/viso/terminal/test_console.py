@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from ap_core.verdict import Outcome
-from mav_handlers.all_verdicts import ALL_VERDICTS as VERDICTS
+from mav_handlers.verdicts import ALL_VERDICTS as VERDICTS
 from viso.terminal import console
 from viso.terminal.console import VerdictCounts, progress, reason_of, verdict_rows, verdict_table
 

@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from ap_core.verdict import Verdict
-from mav_handlers.signing.state import MemoryKeyStore
+from mav_handlers.signing import MemoryKeyStore
 from mav_handlers.transfers.ftp_wire import Request
 from mav_handlers.transfers.param_pck import parse_query
 from mav_handlers.wire.codec import Codec, Received

@@ -11,15 +11,16 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from ap_core.verdict import Verdict
 from mav_handlers.channel import Channel
-from mav_handlers.signing.state import (
+from mav_handlers.signing import (
     OPTION_SIGNING_DISABLED,
     SIGNING_KEY_MAGIC,
     MemoryKeyStore,
     SigningKey,
     SigningState,
 )
-from mav_handlers.signing.verdicts import (
+from mav_handlers.verdicts import (
     BAD_SIGNATURE,
+    HANDLED,
     KEY_NOT_SAVED,
     SETUP_WHILE_ARMED,
     SIGNATURE_OLD,
@@ -28,7 +29,6 @@ from mav_handlers.signing.verdicts import (
     UNSIGNED,
     signing_verdict,
 )
-from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import SETUP_SIGNING, SYSTEM_TIME
 from mav_handlers.wire.signature import MAX_SIGNING_STREAMS, MINUTE_IN_TIMESTAMPS, LinkSigning, SigningStreams

@@ -14,8 +14,7 @@ from typing import Final, Protocol
 from ap_core.cint import u32, u64
 from ap_core.verdict import Verdict
 from mav_handlers.channel import Channel
-from mav_handlers.signing.verdicts import KEY_NOT_SAVED, SETUP_WHILE_ARMED
-from mav_handlers.verdicts import HANDLED
+from mav_handlers.verdicts import HANDLED, KEY_NOT_SAVED, SETUP_WHILE_ARMED
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import SETUP_SIGNING
 from mav_handlers.wire.signature import MINUTE_IN_TIMESTAMPS, SECRET_KEY_BYTES, LinkSigning, SigningStreams
