@@ -1,19 +1,27 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The MAVLink state of one link: codec, time correction, intervals, queues and counters."""
+"""The MAVLink state of one link: codec, time correction, intervals, queues and counters.
+
+And what a handler gets with a message that a link brings.
+"""
+
+from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u32, u64
 from ap_core.verdict import Outcome, Verdict
 from mav_handlers.jitter_correction import JitterCorrection
 from mav_handlers.schedule.buckets import IntervalBuckets
 from mav_handlers.schedule.deferred import DeferredMessages
-from mav_handlers.wire.codec import Codec, full_length
+from mav_handlers.wire.codec import Codec, Header, full_length
 from mav_handlers.wire.messages import Message
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 OUTPUT_LIMIT_BYTES: Final = 65536
 TXSPACE_LIMIT_BYTES: Final = 8192
@@ -249,3 +257,26 @@ class Channel:
         """
         arrival_us = read_us if self.baud is None else self.arrival_us(message_type, read_us, now_us)
         return u32(self.jitter.correct_offboard_timestamp_usec(remote_us, arrival_us or now_us) // 1000)
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a handler gets with its message.
+
+    Attributes:
+        vehicle: whom the message is for; with its endpoint.
+        channel: the link that brought it.
+        header: of its frame.
+        now_us: time of handling, us since boot.
+        read_us: when the link was last read, us since boot.
+    """
+
+    vehicle: Vehicle
+    channel: Channel
+    header: Header
+    now_us: int
+    read_us: int
+
+    def correct_time_ms(self, message_type: type[Message], remote_us: int) -> int:
+        """Return the time of a sample in ms since boot, from the sender's stamp in us."""
+        return self.channel.correct_time_ms(message_type, remote_us, self.read_us, self.now_us)

@@ -7,16 +7,20 @@ are 0, as a transform has none.
 Source: AP_DDS/AP_DDS_External_Odom.cpp, AP_DDS/AP_DDS_Type_Conversions.cpp, AP_DDS/AP_DDS_Client.cpp.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ap_core.cint import float_of_u64, u32, u64
 from ap_core.fmath import f32, ieee754
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
-from mav_handlers.ports import VehiclePort
 from mav_handlers.verdicts import TF_EMPTY, TF_FRAMES, TF_TOO_MANY
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 MOST_TRANSFORMS: Final = 8
 ODOM_PARENT: Final = "odom"
@@ -69,7 +73,7 @@ def is_odometry_frame(transform: Transform) -> bool:
     return transform.frame_id == ODOM_PARENT and transform.child_frame_id == ODOM_CHILD
 
 
-def receive_transforms(vehicle: VehiclePort, transforms: Sequence[Transform]) -> list[Verdict]:
+def receive_transforms(vehicle: Vehicle, transforms: Sequence[Transform]) -> list[Verdict]:
     """Take a TFMessage of the topic /ap/tf; return a verdict for each transform, or the one on the whole message.
 
     Source: AP_DDS_Client::on_topic.
@@ -83,7 +87,7 @@ def receive_transforms(vehicle: VehiclePort, transforms: Sequence[Transform]) ->
 
 
 @ieee754
-def _handle_external_odom(vehicle: VehiclePort, transform: Transform) -> Verdict:
+def _handle_external_odom(vehicle: Vehicle, transform: Transform) -> Verdict:
     """Take one transform (AP_DDS_External_Odom::handle_external_odom)."""
     if not is_odometry_frame(transform):
         return TF_FRAMES

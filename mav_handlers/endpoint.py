@@ -12,21 +12,21 @@ Most of the 400 polls a second find nothing to do. So each works out until when 
 (``Rest``), and whatever brings work ends that rest: a text, a changed parameter, any message but a pose.
 """
 
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ap_core.cint import u8, u32
 from ap_core.param import ParamEcho
 from ap_core.param_cache import FromParams
 from ap_core.verdict import Outcome, Verdict
-from mav_handlers.channel import Channel, Rest, TransmitReserve
-from mav_handlers.context import Context
+from mav_handlers.channel import Channel, Context, Rest, TransmitReserve
 from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
 from mav_handlers.handlers.clocks import send_timesync, timesync_due_us
 from mav_handlers.params.names import OPTION_PRIVATE
 from mav_handlers.params.reads import NO_INDEX, ParamReads
-from mav_handlers.ports import VehiclePort
 from mav_handlers.radio import RadioLink
 from mav_handlers.routing import RADIO_MESSAGES, RouteTable
 from mav_handlers.senders import gps_global_origin
@@ -46,6 +46,9 @@ from mav_handlers.verdicts import (
 from mav_handlers.wire.codec import BadData, Codec, Header, Received
 from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, PARAM_VALUE, Message
 from mav_handlers.wire.targets import TARGETED, target_fields
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
 EVENTS_KEPT: Final = 10_000
@@ -77,7 +80,7 @@ class MavEndpoint:
         message_intervals: default intervals in ms by message id, by number of the link; 0 is off.
     """
 
-    def __init__(self, vehicle: VehiclePort, message_intervals: Mapping[int, Mapping[int, int]] | None = None) -> None:
+    def __init__(self, vehicle: Vehicle, message_intervals: Mapping[int, Mapping[int, int]] | None = None) -> None:
         self._vehicle = vehicle
         self._message_intervals = message_intervals or {}
         params, names = vehicle.params, vehicle.release.params
@@ -102,7 +105,7 @@ class MavEndpoint:
         self.routes = RouteTable()
         self.signing = SigningState(vehicle.signing_store, self._options)
         self.ftp = FtpServer(vehicle.files, vehicle.texts.send_text, lambda index: self.channels[index].has_room())
-        self.log_transfer = vehicle.log_transfer
+        self._log_transfer = vehicle.log_transfer
         self.events_lost = 0
         self.on_event: Callable[[MessageEvent], None] | None = None
         vehicle.texts.listening_channels = self._listening_channels
@@ -142,7 +145,7 @@ class MavEndpoint:
         """Forget a client that has gone, and who was behind it; another may get its number."""
         channel.close()
         self.routes.forget(channel.index)
-        self.log_transfer.forget(channel.index)
+        self._log_transfer.forget(channel.index)
 
     def receive_bytes(self, channel: Channel, data: bytes, now_us: int, read_us: int | None = None) -> None:
         """Handle what a link delivered.
@@ -175,8 +178,7 @@ class MavEndpoint:
             # One name for all that are not known: there may be millions of ids, each of which would be counted.
             name, amount = UNKNOWN_NAME if verdict is UNKNOWN_MESSAGE else header.name, 1
         channel.count(name, verdict, amount)
-        # The tuples' own way of being made takes twice as long, here and below.
-        event = tuple.__new__(MessageEvent, (channel.index, now_us, name, header, message, verdict))
+        event = MessageEvent(channel.index, now_us, name, header, message, verdict)
         if len(self._events) == EVENTS_KEPT:
             self.events_lost += 1
         self._events.append(event)
@@ -199,7 +201,7 @@ class MavEndpoint:
             return NO_HANDLER
         if type(message) not in VISION_MESSAGES:  # which are for the port alone
             self._rest.end()
-        return handler(tuple.__new__(Context, (self, self._vehicle, channel, header, now_us, read_us)), message)
+        return handler(Context(self._vehicle, channel, header, now_us, read_us), message)
 
     def _route(self, channel: Channel, header: Header, message: Message | None) -> Verdict | None:
         """Learn where the sender is and forward the frame; return why it is not for the autopilot, if so."""
@@ -280,7 +282,7 @@ class MavEndpoint:
         """Send the next part of a listing or of a log on a link, as far as it takes any."""
         if channel.has_room():
             armed, heartbeat_us = self._vehicle.copter.is_armed(), channel.heartbeat_sent_us
-            channel.send(*self.log_transfer.pump(channel.index, now_us, armed=armed, heartbeat_us=heartbeat_us))
+            channel.send(*self._log_transfer.pump(channel.index, now_us, armed=armed, heartbeat_us=heartbeat_us))
 
     def poll(self, now_us: int) -> None:
         """Send what is due: texts, parameters, periodic and requested messages."""
@@ -318,7 +320,7 @@ class MavEndpoint:
         self.param_reads.look_up(self._vehicle.params, last_us, now_us)
         ftp_is_busy, private = self.ftp.slows_streams(now_us), self._private()
         for channel in self.channels:
-            if not self.log_transfer.is_idle:
+            if not self._log_transfer.is_idle:
                 self.pump_log_transfer(channel, now_us)
             if not private[channel.index]:
                 send_timesync(channel, now_us, system_id)
@@ -343,7 +345,7 @@ class MavEndpoint:
             self.ftp.busy
             or bool(self._echoes or self.param_reads.waiting)
             or self._texts_go_first
-            or not self.log_transfer.is_idle
+            or not self._log_transfer.is_idle
             or not self._vehicle.texts.is_empty
         )
 
@@ -383,7 +385,7 @@ class MavEndpoint:
     def _on_text(self, _severity: int, _text: str) -> None:
         self._rest.end()
         # While booting nobody waits for the telemetry loop.
-        if self._has_polled and not self._vehicle.is_initialised():
+        if self._has_polled and not self._vehicle.copter.has_booted:
             self._vehicle.texts.service(self.channels)
 
     def verdict_counts(self) -> dict[tuple[str, Outcome, str], int]:

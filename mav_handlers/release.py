@@ -4,14 +4,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
 from ap_core.cint import int_of_float, u8
 from ap_core.fmath import f32
 from ap_core.param_info import is_equal
-from mav_handlers.channel import Channel
 from mav_handlers.covariance import (
     ErrorFormula,
     cube_root_of_squares,
@@ -29,19 +28,6 @@ THOUSANDTH: Final = f32(0.001)
 
 Errors = tuple[np.float32, np.float32]
 """Of position (m) and of attitude (rad)."""
-
-
-class OriginSender(Protocol):
-    """What sends word of an origin."""
-
-    def request_message_everywhere(self, name: str) -> None:
-        """Queue a message to be sent once at the next poll, on every link."""
-
-    def send_origin(self, channel: Channel, now_us: int) -> None:
-        """Send GPS_GLOBAL_ORIGIN at once, if there is an origin."""
-
-    def send_texts_first(self) -> None:
-        """Send the texts that wait when the bytes at hand have been dealt with, ahead of what the next poll sends."""
 
 
 def is_factory_default(action: float) -> bool:
@@ -62,7 +48,10 @@ class EndpointRelease:
         error_formula: makes an error of three variances.
         mocap_errors: makes both errors of the covariance of ATT_POS_MOCAP.
         tells_param_errors: whether PARAM_ERROR answers what cannot be read or set; else nothing does.
-        tell_origin: reports an origin that a client has just set over a link, at a time in us since boot.
+        sends_origin_at_once: whether GPS_GLOBAL_ORIGIN goes to the client that has set an origin, ahead of the texts
+            that this brings, and to all when home follows (GCS_MAVLINK::set_ekf_origin; home is set by the next pass of
+            the main loop, when the texts are gone). Else the texts come first, and then GPS_GLOBAL_ORIGIN with the next
+            pass, to all; home follows in that pass, and brings no second one.
         params: the names of the endpoint's parameters.
         resets_parameters: takes the first parameter of MAV_CMD_PREFLIGHT_STORAGE, says whether it is to forget all
             stored parameters.
@@ -73,35 +62,17 @@ class EndpointRelease:
     error_formula: ErrorFormula
     mocap_errors: Callable[[Sequence[float], ErrorFormula], Errors]
     tells_param_errors: bool
-    tell_origin: Callable[[OriginSender, Channel, int], None]
+    sends_origin_at_once: bool
     params: EndpointParams
     resets_parameters: Callable[[float], bool] = is_factory_default
     highres_field_scale: np.float32 = THOUSAND
     velocity_error: Callable[[Sequence[float]], np.float32] = no_velocity_error
 
 
-def tell_origin_at_once(endpoint: OriginSender, channel: Channel, now_us: int) -> None:
-    """Send GPS_GLOBAL_ORIGIN to the requester, and then the texts; all are told when home follows.
-
-    Source: GCS_MAVLINK::set_ekf_origin; home is set by the next pass of the main loop, when the texts are gone.
-    """
-    endpoint.send_origin(channel, now_us)
-    endpoint.send_texts_first()
-
-
-def tell_origin_after_texts(endpoint: OriginSender, _channel: Channel, _now_us: int) -> None:
-    """Send the texts that setting the origin brought, and then GPS_GLOBAL_ORIGIN with the next pass, to all.
-
-    Home follows in that pass, and brings no second one.
-    """
-    endpoint.send_texts_first()
-    endpoint.request_message_everywhere("GPS_GLOBAL_ORIGIN")
-
-
-REFERENCE: Final = EndpointRelease(cube_root_of_squares, no_errors, False, tell_origin_at_once, MAV_NAMES)
+REFERENCE: Final = EndpointRelease(cube_root_of_squares, no_errors, False, True, MAV_NAMES)
 """The master of October 2025."""
 
-FEBRUARY_2026: Final = EndpointRelease(root_of_sum, pose_errors, True, tell_origin_after_texts, MAV_NAMES_WITH_RANGE)
+FEBRUARY_2026: Final = EndpointRelease(root_of_sum, pose_errors, True, False, MAV_NAMES_WITH_RANGE)
 APRIL_2026: Final = replace(
     FEBRUARY_2026,
     resets_parameters=is_any_default,

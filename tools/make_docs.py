@@ -244,6 +244,13 @@ _EKF_CHANGES: Final = {
 """By attribute of FilterRelease, and whether recordings show it or the source was read."""
 
 
+_ORIGIN: Final = {
+    True: "Send GPS_GLOBAL_ORIGIN to the requester, and then the texts; all are told when home follows",
+    False: "Send the texts that setting the origin brought, and then GPS_GLOBAL_ORIGIN with the next pass, to all",
+}
+"""By EndpointRelease.sends_origin_at_once."""
+
+
 def _firmware() -> Iterator[tuple[str, ...]]:
     def row(what: str, cell: Callable[[Firmware], str]) -> tuple[str, ...]:
         return what, *map(cell, PROFILES.values())
@@ -258,7 +265,7 @@ def _firmware() -> Iterator[tuple[str, ...]]:
     yield row("position alignment to the AHRS", lambda one: said(one.visual_odom.axes_to_align))
     yield row("position of the MAV backend", lambda one: said(one.visual_odom.mav_position))
     yield row("what cannot be read or set", lambda one: "PARAM_ERROR" if one.endpoint.tells_param_errors else "silence")
-    yield row("an origin that a client sets", lambda one: said(one.endpoint.tell_origin))
+    yield row("an origin that a client sets", lambda one: _ORIGIN[one.endpoint.sends_origin_at_once])
     yield row("error of a velocity", lambda one: said(one.endpoint.velocity_error))
     yield row("velocity's error in the MAV backend", lambda one: said(one.visual_odom.mav_vel_err))
     yield row("field of HIGHRES_IMU", lambda one: f"mGauss times {one.endpoint.highres_field_scale:g}")

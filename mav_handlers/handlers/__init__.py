@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from ap_core.verdict import Verdict
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.handlers import (
     clocks,
     commands,

@@ -7,8 +7,7 @@ from typing import Final
 from ap_core.cint import float_of_u64, i64, u32
 from ap_core.fmath import f32
 from ap_core.verdict import Verdict
-from mav_handlers.channel import Channel
-from mav_handlers.context import Context
+from mav_handlers.channel import Channel, Context
 from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.messages import SYSTEM_TIME, TIMESYNC
 
@@ -48,6 +47,6 @@ def handle_system_time(ctx: Context, message: SYSTEM_TIME) -> Verdict:
     known_before = ctx.vehicle.rtc.utc_us() != 0
     ctx.vehicle.rtc.take_system_time(message.time_unix_usec)
     if not known_before and ctx.vehicle.rtc.utc_us():
-        endpoint = ctx.endpoint
+        endpoint = ctx.vehicle.endpoint
         endpoint.signing.update_timestamp(endpoint.channels, ctx.vehicle.rtc.utc_us(), u32(ctx.now_us // 1000))
     return HANDLED

@@ -6,20 +6,25 @@ Source: ArduCopter/GCS_MAVLink_Copter.cpp (handle_message_set_position_target_lo
 GCS_Common.cpp (handle_rc_channels_override).
 """
 
-import math
-from typing import Final
+from __future__ import annotations
 
+import math
+from typing import TYPE_CHECKING, Final
+
+from ap_core.location import Location
 from ap_core.verdict import Verdict
-from mav_handlers.context import Context
-from mav_handlers.handlers.commands.flight import GUIDED
+from mav_handlers.channel import Context
+from mav_handlers.handlers.commands.flight import GUIDED, GuidedTarget
 from mav_handlers.handlers.commands.home import above_the_sea, altitude_cm
-from mav_handlers.ports import FlightPort, GuidedTarget, Location
 from mav_handlers.verdicts import HANDLED, NO_FLIGHT, NOT_ACCEPTED, NOT_GUIDED, TARGET_REFUSED
 from mav_handlers.wire.messages import (
     RC_CHANNELS_OVERRIDE,
     SET_POSITION_TARGET_GLOBAL_INT,
     SET_POSITION_TARGET_LOCAL_NED,
 )
+
+if TYPE_CHECKING:
+    from viso.vehicle.copter.flying.flight_control import FlightControl
 
 POS_IGNORE: Final = 0b111
 VEL_IGNORE: Final = 0b111 << 3
@@ -35,7 +40,7 @@ MOST_SANE: Final = 1000.0
 _Three = tuple[float, float, float]
 
 
-def _flight_in_guided(ctx: Context) -> FlightPort | Verdict:
+def _flight_in_guided(ctx: Context) -> FlightControl | Verdict:
     """Return who flies, or why a target has no effect."""
     flight = ctx.vehicle.copter.flight
     if flight is None:
@@ -80,7 +85,7 @@ def handle_set_position_target_global_int(ctx: Context, message: SET_POSITION_TA
     return _obey(flight, _target(message, place, vel, acc, is_relative=False) if is_known else None)
 
 
-def _place_ned(ctx: Context, flight: FlightPort, message: SET_POSITION_TARGET_GLOBAL_INT) -> _Three | None:
+def _place_ned(ctx: Context, flight: FlightControl, message: SET_POSITION_TARGET_GLOBAL_INT) -> _Three | None:
     if not math.isfinite(message.alt):
         return None
     told = Location(message.lat_int, message.lon_int, altitude_cm(message.alt))
@@ -121,7 +126,7 @@ def _turned(vector: _Three, yaw_rad: float) -> _Three:
     return cos * ahead - sin * right, sin * ahead + cos * right, down
 
 
-def _obey(flight: FlightPort, target: GuidedTarget | None) -> Verdict:
+def _obey(flight: FlightControl, target: GuidedTarget | None) -> Verdict:
     flight.guide(target)
     return TARGET_REFUSED if target is None else HANDLED
 

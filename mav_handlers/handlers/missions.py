@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handlers of missions, fences and rally points (GCS_Common.cpp, MissionItemProtocol.cpp).
+"""Missions, fences and rally points (GCS_Common.cpp, MissionItemProtocol.cpp, AP_Mission.cpp).
 
 FIRMWARE PARITY: there is room for none of them. Home is the only item; uploads are refused as too large.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.verdict import Verdict
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.verdicts import HANDLED, MISSION_TYPE
 from mav_handlers.wire.messages import (
     MISSION_ACK,
@@ -53,6 +53,29 @@ class MissionResult(IntEnum):
     UNSUPPORTED = 3
     NO_SPACE = 4
     INVALID_SEQUENCE = 13
+
+
+class Mission:
+    """Holds home, the first item of every mission, and nothing else.
+
+    Attributes:
+        item_count: 1 once home is there, 0 before and after the mission was cleared.
+        warned_of_request: the client was told to use MISSION_REQUEST_INT.
+        warned_of_item: the client was told to use MISSION_ITEM_INT.
+    """
+
+    def __init__(self) -> None:
+        self.item_count = 0
+        self.warned_of_request = False
+        self.warned_of_item = False
+
+    def add_home(self) -> None:
+        """Take home as the first item (AP_Mission::write_home_to_storage)."""
+        self.item_count = 1
+
+    def clear(self) -> None:
+        """Forget all items; home comes back when it is set the next time (AP_Mission::clear)."""
+        self.item_count = 0
 
 
 _SUPPORTED: Final = frozenset(MissionType)

@@ -8,7 +8,7 @@ handle_adsb_message, handle_named_value), AP_GPS/AP_GPS.cpp (handle_msg).
 """
 
 from ap_core.verdict import Verdict
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.verdicts import (
     ADSB_OFF,
     GPS_NOT_MAVLINK,
@@ -68,15 +68,9 @@ def handle_named_value_float(ctx: Context, message: NAMED_VALUE_FLOAT) -> Verdic
 
 def handle_hil_sensor(ctx: Context, message: HIL_SENSOR) -> Verdict:
     """Give a simulator's sensors to the vehicle that takes them."""
-    if ctx.vehicle.hil is None:
-        return NO_HIL_INPUT
-    ctx.vehicle.hil.take_hil_sensor(message, ctx.now_us)
-    return HANDLED
+    return HANDLED if ctx.vehicle.source.take_hil_sensor(message, ctx.now_us) else NO_HIL_INPUT
 
 
 def handle_hil_state_quaternion(ctx: Context, message: HIL_STATE_QUATERNION) -> Verdict:
     """Give a simulator's truth to the vehicle that makes its sensors of it."""
-    if ctx.vehicle.hil is None:
-        return NO_HIL_INPUT
-    ctx.vehicle.hil.take_hil_state(message, ctx.now_us)
-    return HANDLED
+    return HANDLED if ctx.vehicle.source.take_hil_state(message, ctx.now_us) else NO_HIL_INPUT

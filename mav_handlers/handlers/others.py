@@ -7,13 +7,13 @@ from typing import Final
 import numpy as np
 
 from ap_core.cint import i16, int_of_float
+from ap_core.location import Location
 from ap_core.verdict import Verdict
-from mav_handlers.context import Context
-from mav_handlers.handlers.commands.home import set_ekf_origin
+from mav_handlers.channel import Context
+from mav_handlers.handlers.commands.home import OriginResult, set_ekf_origin
 from mav_handlers.handlers.commands.modes import set_mode
 from mav_handlers.handlers.commands.results import MavResult
 from mav_handlers.params.names import OPTION_NO_STREAM_REQUESTS
-from mav_handlers.ports import Location, OriginResult
 from mav_handlers.radio import adapted_slowdown_ms
 from mav_handlers.senders import STREAM_GROUPS
 from mav_handlers.senders.intervals import ADSB_GROUP, set_interval, stream_interval_ms
@@ -99,6 +99,6 @@ def _set_rate(ctx: Context, group: tuple[str, tuple[str, ...]], rate_hz: int) ->
 
 def handle_radio_status(ctx: Context, message: RADIO_STATUS | RADIO) -> Verdict:
     """Adapt to how full a radio's transmit buffer is (GCS_MAVLINK::handle_radio_status)."""
-    ctx.endpoint.radio.report(message.txbuf, ctx.now_us)
+    ctx.vehicle.endpoint.radio.report(message.txbuf, ctx.now_us)
     ctx.channel.stream_slowdown_ms = adapted_slowdown_ms(ctx.channel.stream_slowdown_ms, message.txbuf)
     return HANDLED

@@ -8,7 +8,7 @@ import numpy as np
 
 from ap_core.param import ParamOutcome
 from ap_core.verdict import Verdict
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.params.pump import start_param_list
 from mav_handlers.params.reads import BY_NAME, MAV_PARAM_ERROR_DOES_NOT_EXIST, NO_INDEX, find_requested
 from mav_handlers.verdicts import HANDLED, PARAM_NOT_FINITE, PARAM_QUEUE_FULL, PARAM_READ_ONLY, PARAM_UNKNOWN
@@ -22,7 +22,7 @@ _MAV_SEVERITY_WARNING: Final = 4
 
 def handle_param_request_list(ctx: Context, _message: PARAM_REQUEST_LIST) -> Verdict:
     """Introduce the vehicle and start the list at index 0 (handle_param_request_list)."""
-    ctx.endpoint.send_banner(ctx.channel)
+    ctx.vehicle.endpoint.send_banner(ctx.channel)
     start_param_list(ctx.vehicle.params, ctx.channel, ctx.now_us)
     return HANDLED
 
@@ -33,7 +33,7 @@ def handle_param_request_read(ctx: Context, message: PARAM_REQUEST_READ) -> Verd
     Source: GCS_MAVLINK::handle_param_request_read.
     """
     sender = ctx.header.system_id, ctx.header.component_id
-    if not ctx.endpoint.param_reads.request(ctx.channel, message, ctx.now_us, sender):
+    if not ctx.vehicle.endpoint.param_reads.request(ctx.channel, message, ctx.now_us, sender):
         return PARAM_QUEUE_FULL
     return PARAM_UNKNOWN if find_requested(ctx.vehicle.params, message) is None else HANDLED
 
@@ -58,7 +58,7 @@ def handle_param_set(ctx: Context, message: PARAM_SET) -> Verdict:
         return PARAM_READ_ONLY
     # One record as the sender spelled it; the echoes write theirs when they leave.
     ctx.vehicle.log.parameter(message.param_id, result.value)
-    ctx.endpoint.echo_parameters(result.echoes)
+    ctx.vehicle.endpoint.echo_parameters(result.echoes)
     return HANDLED
 
 

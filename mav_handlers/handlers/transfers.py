@@ -5,7 +5,7 @@
 from typing import Final
 
 from ap_core.verdict import Verdict
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.transfers.ftp import FtpPeer
 from mav_handlers.verdicts import HANDLED
 from mav_handlers.wire.messages import (
@@ -30,39 +30,40 @@ def handle_file_transfer_protocol(ctx: Context, message: FILE_TRANSFER_PROTOCOL)
         ctx.header.component_id,
         None if baud is None else baud // _BITS_PER_BYTE,
     )
-    ctx.endpoint.send_ftp_replies(ctx.endpoint.ftp.handle(bytes(message.payload), ctx.now_us, peer))
+    endpoint = ctx.vehicle.endpoint
+    endpoint.send_ftp_replies(endpoint.ftp.handle(bytes(message.payload), ctx.now_us, peer))
     return HANDLED
 
 
 def _refuse(ctx: Context) -> Verdict | None:
-    armed, writes_enabled = ctx.vehicle.copter.is_armed(), ctx.vehicle.is_initialised()
-    return ctx.endpoint.log_transfer.refuse(ctx.channel.index, armed=armed, writes_enabled=writes_enabled)
+    armed, writes_enabled = ctx.vehicle.copter.is_armed(), ctx.vehicle.copter.has_booted
+    return ctx.vehicle.log_transfer.refuse(ctx.channel.index, armed=armed, writes_enabled=writes_enabled)
 
 
 def handle_log_request_list(ctx: Context, message: LOG_REQUEST_LIST) -> Verdict:
     """Start a listing of logs."""
-    transfer, link = ctx.endpoint.log_transfer, ctx.channel.index
+    transfer, link = ctx.vehicle.log_transfer, ctx.channel.index
     verdict = _refuse(ctx) or transfer.request_list(link, message.start, message.end)
-    ctx.endpoint.pump_log_transfer(ctx.channel, ctx.now_us)
+    ctx.vehicle.endpoint.pump_log_transfer(ctx.channel, ctx.now_us)
     return verdict
 
 
 def handle_log_request_data(ctx: Context, message: LOG_REQUEST_DATA) -> Verdict:
     """Start the transfer of a part of a log."""
-    transfer, link = ctx.endpoint.log_transfer, ctx.channel.index
+    transfer, link = ctx.vehicle.log_transfer, ctx.channel.index
     verdict = _refuse(ctx) or transfer.request_data(link, message.id, message.ofs, message.count)
-    ctx.endpoint.pump_log_transfer(ctx.channel, ctx.now_us)
+    ctx.vehicle.endpoint.pump_log_transfer(ctx.channel, ctx.now_us)
     return verdict
 
 
 def handle_log_request_end(ctx: Context, _message: LOG_REQUEST_END) -> Verdict:
     """Stop a transfer."""
-    return _refuse(ctx) or ctx.endpoint.log_transfer.request_end()
+    return _refuse(ctx) or ctx.vehicle.log_transfer.request_end()
 
 
 def handle_log_erase(ctx: Context, _message: LOG_ERASE) -> Verdict:
     """Delete every log."""
-    return _refuse(ctx) or ctx.endpoint.log_transfer.erase()
+    return _refuse(ctx) or ctx.vehicle.log_transfer.erase()
 
 
 def handle_setup_signing(ctx: Context, message: SETUP_SIGNING) -> Verdict:
@@ -71,4 +72,5 @@ def handle_setup_signing(ctx: Context, message: SETUP_SIGNING) -> Verdict:
     def tell(text: str) -> None:
         ctx.vehicle.texts.send_text_to(ctx.channel.index, _MAV_SEVERITY_WARNING, text)
 
-    return ctx.endpoint.signing.setup(message, ctx.endpoint.channels, armed=ctx.vehicle.copter.is_armed(), tell=tell)
+    endpoint, armed = ctx.vehicle.endpoint, ctx.vehicle.copter.is_armed()
+    return endpoint.signing.setup(message, endpoint.channels, armed=armed, tell=tell)

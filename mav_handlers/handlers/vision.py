@@ -13,7 +13,7 @@ from ap_core.fmath import f32, ieee754
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.covariance import pose_errors
 from mav_handlers.verdicts import ODOMETRY_FRAMES
 from mav_handlers.wire.messages import (

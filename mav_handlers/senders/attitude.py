@@ -5,16 +5,22 @@
 Source: GCS_MAVLink/GCS_Common.cpp, AP_NavEKF3/AP_NavEKF3_Outputs.cpp.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 from ap_core.fmath import f32
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.gps_sample import FIX_3D
 from mav_handlers.channel import Channel
-from mav_handlers.ports import VehiclePort
 from mav_handlers.senders.builder import boot_ms, floats, quiet_overflow
 from mav_handlers.wire.messages import AHRS, AHRS2, ATTITUDE, ATTITUDE_QUATERNION, EKF_STATUS_REPORT
 
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
-def euler_rad(vehicle: VehiclePort) -> Vector3f:
+
+def euler_rad(vehicle: Vehicle) -> Vector3f:
     """Return roll, pitch, yaw in rad, -pi..pi; zeros before there is an attitude."""
     quat = vehicle.ahrs.get_quaternion()
     if quat is None:
@@ -22,12 +28,12 @@ def euler_rad(vehicle: VehiclePort) -> Vector3f:
     return Vector3f(quat.get_euler_roll(), quat.get_euler_pitch(), vehicle.ahrs.get_yaw_rad())
 
 
-def attitude(vehicle: VehiclePort, _channel: Channel, now_us: int) -> ATTITUDE:
+def attitude(vehicle: Vehicle, _channel: Channel, now_us: int) -> ATTITUDE:
     """Attitude in rad and body rates in rad/s, zeros before there is one (GCS_MAVLINK::send_attitude)."""
     return ATTITUDE(boot_ms(now_us), *floats(euler_rad(vehicle)), *floats(vehicle.ahrs.get_gyro()))
 
 
-def attitude_quaternion(vehicle: VehiclePort, _channel: Channel, now_us: int) -> ATTITUDE_QUATERNION | None:
+def attitude_quaternion(vehicle: Vehicle, _channel: Channel, now_us: int) -> ATTITUDE_QUATERNION | None:
     """Attitude as w, x, y, z and body rates in rad/s, while there is one (GCS_MAVLINK::send_attitude_quaternion)."""
     quat = vehicle.ahrs.get_quaternion()
     if quat is None:
@@ -36,12 +42,12 @@ def attitude_quaternion(vehicle: VehiclePort, _channel: Channel, now_us: int) ->
     return ATTITUDE_QUATERNION(boot_ms(now_us), w, x, y, z, *floats(vehicle.ahrs.get_gyro()))
 
 
-def ahrs(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> AHRS:
+def ahrs(vehicle: Vehicle, _channel: Channel, _now_us: int) -> AHRS:
     """Gyro bias in rad/s; the errors are DCM's, which has none here (GCS_MAVLINK::send_ahrs)."""
     return AHRS(*floats(vehicle.ahrs.get_gyro_drift()), 0.0, 0.0, 0.0, 0.0)
 
 
-def ahrs2(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> AHRS2 | None:
+def ahrs2(vehicle: Vehicle, _channel: Channel, _now_us: int) -> AHRS2 | None:
     """The second estimator, DCM: it agrees on the attitude; its place is the GPS's, at home's height.
 
     Source: GCS_MAVLINK::send_ahrs2, AP_AHRS_DCM::get_location.
@@ -56,7 +62,7 @@ def ahrs2(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> AHRS2 | None
 
 
 @quiet_overflow
-def ekf_status_report(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> EKF_STATUS_REPORT | None:
+def ekf_status_report(vehicle: Vehicle, _channel: Channel, _now_us: int) -> EKF_STATUS_REPORT | None:
     """Flags and variances (1.0 is at the gate) of the primary core, while it runs.
 
     Source: NavEKF3_core::send_status_report.

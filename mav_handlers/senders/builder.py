@@ -2,17 +2,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What every builder of a message is, and the one that has nothing to say."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ap_core.cint import i16, int_of_float, u32
 from ap_core.vector3 import Vector3f
 from mav_handlers.channel import Channel
-from mav_handlers.ports import VehiclePort
 from mav_handlers.wire.messages import Message
 
-Builder = Callable[[VehiclePort, Channel, int], Message | None]
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
+
+Builder = Callable[["Vehicle", Channel, int], Message | None]
 """Makes a message for a link at a time in us since boot; None when there is nothing to report."""
 
 
@@ -35,5 +40,5 @@ def i16_of(value: np.float32) -> int:
     return i16(int_of_float(float(value)))
 
 
-def nothing_to_report(_vehicle: VehiclePort, _channel: Channel, _now_us: int) -> None:
+def nothing_to_report(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> None:
     """Known to the firmware, and never sent: there is nothing behind it."""

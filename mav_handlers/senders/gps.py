@@ -5,7 +5,9 @@
 Source: AP_GPS/AP_GPS.cpp, AP_GPS/AP_GPS_MAV.cpp.
 """
 
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -13,9 +15,11 @@ from ap_core.cint import i32, int_of_float, u16, u32, u64
 from ap_core.fmath import atan2f, degrees, f32, norm3, wrap_360
 from ekf_stub.inputs.gps_sample import GpsSample
 from mav_handlers.channel import Channel
-from mav_handlers.ports import VehiclePort
 from mav_handlers.senders.builder import quiet_overflow
 from mav_handlers.wire.messages import GPS_RAW_INT
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 UNKNOWN_DOP: Final = 65535
 YAW_NORTH_CDEG: Final = 36000
@@ -44,7 +48,7 @@ def _yaw_cdeg(sample: GpsSample) -> int:
 
 
 @quiet_overflow
-def gps_raw_int(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> GPS_RAW_INT:
+def gps_raw_int(vehicle: Vehicle, _channel: Channel, _now_us: int) -> GPS_RAW_INT:
     """The GPS's newest solution; without a GPS fix 0, dilutions unknown, all else 0 (AP_GPS::send_mavlink_gps_raw)."""
     sample = vehicle.gps.sample()
     if sample is None:

@@ -2,26 +2,31 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the sensors that look at the ground say (GCS_MAVLink/GCS_Common.cpp)."""
 
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 from ap_core.fmath import f32
 from mav_handlers.channel import Channel
-from mav_handlers.ports import RangeReport, VehiclePort
 from mav_handlers.senders.builder import boot_ms, i16_of
 from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW, RANGEFINDER
+
+if TYPE_CHECKING:
+    from viso.vehicle.ranges import RangeReport
+    from viso.vehicle.vehicle import Vehicle
 
 _MOST_CM: Final = f32(65535)
 _HUNDRED: Final = f32(100)
 _UNKNOWN_QUALITY: Final = -1
 
 
-def rangefinder(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> RANGEFINDER | None:
+def rangefinder(vehicle: Vehicle, _channel: Channel, _now_us: int) -> RANGEFINDER | None:
     """The range of the range finder that looks down, m, if there is one (GCS_MAVLINK::send_rangefinder)."""
     distance_m = vehicle.ranges.downward_m()
     return None if distance_m is None else RANGEFINDER(distance_m, 0.0)
 
 
-def distance_sensor(vehicle: VehiclePort, channel: Channel, now_us: int) -> DISTANCE_SENSOR | None:
+def distance_sensor(vehicle: Vehicle, channel: Channel, now_us: int) -> DISTANCE_SENSOR | None:
     """What each range finder says, in a message of its own (GCS_MAVLINK::send_distance_sensor)."""
     *others, last = [None, *(_distance_of(report, now_us) for report in vehicle.ranges.reports())]
     for message in others:
@@ -50,7 +55,7 @@ def _cm(metres: float) -> int:
     return int(min(max(f32(metres) * _HUNDRED, f32(0)), _MOST_CM))
 
 
-def optical_flow(vehicle: VehiclePort, _channel: Channel, now_us: int) -> OPTICAL_FLOW | None:
+def optical_flow(vehicle: Vehicle, _channel: Channel, now_us: int) -> OPTICAL_FLOW | None:
     """Flow in rad/s, with and without what the vehicle turns, while the sensor works.
 
     Where the message has integers for it, next to nothing is left. Its time is in ms, in spite of its name.

@@ -6,13 +6,14 @@ There is no noise; field, pressure and temperature are those of the reference si
 Source: GCS_MAVLink/GCS_Common.cpp.
 """
 
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from mav_handlers.channel import Channel
-from mav_handlers.ports import VehiclePort
 from mav_handlers.senders.builder import boot_ms, floats, i16_of
 from mav_handlers.wire.messages import (
     HIGHRES_IMU,
@@ -24,6 +25,9 @@ from mav_handlers.wire.messages import (
     SCALED_PRESSURE2,
     VIBRATION,
 )
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 GRAVITY_MSS: Final = f32(9.80665)
 ACCEL_AT_REST_NED: Final = Vector3f(0, 0, -GRAVITY_MSS)
@@ -39,20 +43,20 @@ _BARO_UPDATED: Final = 0x1E00
 _THOUSAND: Final = f32(1000)
 
 
-def _to_body(vehicle: VehiclePort, ned: Vector3f) -> Vector3f:
+def _to_body(vehicle: Vehicle, ned: Vector3f) -> Vector3f:
     return (vehicle.ahrs.get_quaternion() or Quaternion()).inverse().rotate_vector(ned)
 
 
-def accel_mss(vehicle: VehiclePort) -> Vector3f:
+def accel_mss(vehicle: Vehicle) -> Vector3f:
     """Return what an accelerometer measures at rest, m/s/s in the body."""
     return _to_body(vehicle, ACCEL_AT_REST_NED)
 
 
-def _has_compass(vehicle: VehiclePort) -> bool:
+def _has_compass(vehicle: Vehicle) -> bool:
     return vehicle.params.get_int("COMPASS_ENABLE") != 0
 
 
-def _field_mgauss(vehicle: VehiclePort) -> Vector3f:
+def _field_mgauss(vehicle: Vehicle) -> Vector3f:
     return _to_body(vehicle, MAG_FIELD_NED) if _has_compass(vehicle) else Vector3f()
 
 
@@ -60,35 +64,35 @@ def _whole(vector: Vector3f) -> tuple[int, int, int]:
     return i16_of(vector.x), i16_of(vector.y), i16_of(vector.z)
 
 
-def _motion(vehicle: VehiclePort) -> tuple[int, int, int, int, int, int, int, int, int]:
+def _motion(vehicle: Vehicle) -> tuple[int, int, int, int, int, int, int, int, int]:
     """Return acceleration in mG, rates in mrad/s and field in mgauss, in whole numbers."""
     accel, rates = accel_mss(vehicle) * _THOUSAND / GRAVITY_MSS, vehicle.ahrs.get_gyro() * _THOUSAND
     return *_whole(accel), *_whole(rates), *_whole(_field_mgauss(vehicle))
 
 
-def raw_imu(vehicle: VehiclePort, _channel: Channel, now_us: int) -> RAW_IMU:
+def raw_imu(vehicle: Vehicle, _channel: Channel, now_us: int) -> RAW_IMU:
     """The first IMU and compass: mG, mrad/s, mgauss (GCS_MAVLINK::send_raw_imu)."""
     return RAW_IMU(now_us, *_motion(vehicle), id=0, temperature=TEMPERATURE_CDEG)
 
 
-def scaled_imu(vehicle: VehiclePort, _channel: Channel, now_us: int) -> SCALED_IMU:
+def scaled_imu(vehicle: Vehicle, _channel: Channel, now_us: int) -> SCALED_IMU:
     """The same as RAW_IMU, with the time in ms (GCS_MAVLINK::send_scaled_imu)."""
     return SCALED_IMU(boot_ms(now_us), *_motion(vehicle), temperature=TEMPERATURE_CDEG)
 
 
-def scaled_imu2(vehicle: VehiclePort, _channel: Channel, now_us: int) -> SCALED_IMU2:
+def scaled_imu2(vehicle: Vehicle, _channel: Channel, now_us: int) -> SCALED_IMU2:
     """The second IMU and compass, which agree with the first."""
     return SCALED_IMU2(boot_ms(now_us), *_motion(vehicle), temperature=TEMPERATURE_CDEG)
 
 
-def scaled_imu3(vehicle: VehiclePort, _channel: Channel, now_us: int) -> SCALED_IMU3 | None:
+def scaled_imu3(vehicle: Vehicle, _channel: Channel, now_us: int) -> SCALED_IMU3 | None:
     """The third compass, with zeros for the IMU that is not there; nothing without compasses."""
     if not _has_compass(vehicle):
         return None
     return SCALED_IMU3(boot_ms(now_us), 0, 0, 0, 0, 0, 0, *_whole(_field_mgauss(vehicle)))
 
 
-def highres_imu(vehicle: VehiclePort, _channel: Channel, now_us: int) -> HIGHRES_IMU:
+def highres_imu(vehicle: Vehicle, _channel: Channel, now_us: int) -> HIGHRES_IMU:
     """Acceleration in m/s/s, rates in rad/s, field as the firmware scales it, pressure in hPa, temperature in degC.
 
     The field is in Gauss, or in thousandths of a milligauss, whatever the message's definition says: as the release has
@@ -108,16 +112,16 @@ def highres_imu(vehicle: VehiclePort, _channel: Channel, now_us: int) -> HIGHRES
     )
 
 
-def scaled_pressure(_vehicle: VehiclePort, _channel: Channel, now_us: int) -> SCALED_PRESSURE:
+def scaled_pressure(_vehicle: Vehicle, _channel: Channel, now_us: int) -> SCALED_PRESSURE:
     """The first barometer, in hPa (GCS_MAVLINK::send_scaled_pressure_instance)."""
     return SCALED_PRESSURE(boot_ms(now_us), PRESSURE_HPA, 0.0, TEMPERATURE_CDEG)
 
 
-def scaled_pressure2(_vehicle: VehiclePort, _channel: Channel, now_us: int) -> SCALED_PRESSURE2:
+def scaled_pressure2(_vehicle: Vehicle, _channel: Channel, now_us: int) -> SCALED_PRESSURE2:
     """The second barometer, which agrees with the first."""
     return SCALED_PRESSURE2(boot_ms(now_us), PRESSURE_HPA, 0.0, TEMPERATURE_CDEG)
 
 
-def vibration(_vehicle: VehiclePort, _channel: Channel, now_us: int) -> VIBRATION:
+def vibration(_vehicle: Vehicle, _channel: Channel, now_us: int) -> VIBRATION:
     """No vibration and nothing clipped: the motors do not run (GCS_MAVLINK::send_vibration)."""
     return VIBRATION(now_us, 0.0, 0.0, 0.0, 0, 0, 0)

@@ -2,14 +2,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """At which interval each message of a link is sent (GCS_Common.cpp, set_ap_message_interval and the defaults)."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mav_handlers.channel import MAX_INTERVAL_MS, Channel
-from mav_handlers.ports import VehiclePort
 from mav_handlers.schedule.deferred import DEFERRED, NEXT_PARAM
 from mav_handlers.senders import SENDERS, STREAM_GROUPS
 from mav_handlers.wire.codec import message_name
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 # Intervals below 0.8 of the main loop of 400 Hz are too fast: 1 and 2 ms.
 MIN_INTERVAL_MS: Final = 3
@@ -43,11 +47,11 @@ def _boot_groups() -> Iterator[tuple[str, tuple[str, ...]]]:
     yield from (PARAMS_GROUP, ADSB_GROUP)
 
 
-def _group_interval_ms(vehicle: VehiclePort, channel: Channel, suffix: str) -> int | None:
+def _group_interval_ms(vehicle: Vehicle, channel: Channel, suffix: str) -> int | None:
     return stream_interval_ms(vehicle.params.get_int(vehicle.release.params.stream_rate(channel.port, suffix)))
 
 
-def default_interval_ms(vehicle: VehiclePort, channel: Channel, name: str) -> int | None:
+def default_interval_ms(vehicle: Vehicle, channel: Channel, name: str) -> int | None:
     """Return the interval of a message that nobody asked for otherwise, or None when it is off.
 
     A rate of 500 Hz or more gives an interval that is refused (1 and 2 ms).
@@ -86,7 +90,7 @@ def set_interval(channel: Channel, name: str, interval_ms: int | None, now_us: i
     channel.rest.end()
 
 
-def set_defaults(vehicle: VehiclePort, channel: Channel, now_us: int) -> None:
+def set_defaults(vehicle: Vehicle, channel: Channel, now_us: int) -> None:
     """Give every message its interval at boot, and send a heartbeat at once.
 
     Source: GCS_MAVLINK::initialise_message_intervals_from_streamrates, initialise_message_intervals_from_config_files.

@@ -5,12 +5,13 @@
 Source: GCS_MAVLink/GCS_Common.cpp, ArduCopter/GCS_MAVLink_Copter.cpp.
 """
 
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u32
 from ap_core.fmath import degrees
 from mav_handlers.channel import Channel
-from mav_handlers.ports import VehiclePort
 from mav_handlers.senders.attitude import euler_rad
 from mav_handlers.senders.builder import boot_ms, i16_of
 from mav_handlers.wire.messages import (
@@ -24,6 +25,9 @@ from mav_handlers.wire.messages import (
     RC_CHANNELS_RAW,
     SERVO_OUTPUT_RAW,
 )
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 # FIRMWARE PARITY: the firmware measures all of these.
 BATTERY_MV: Final = 12600
@@ -42,22 +46,22 @@ _CHARGE_STATE_OK: Final = 1
 _MISSION_STATE_NO_MISSION: Final = 1
 
 
-def power_status(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> POWER_STATUS | None:
+def power_status(vehicle: Vehicle, _channel: Channel, _now_us: int) -> POWER_STATUS | None:
     """5 V for the board, none for servos, once the vehicle is initialised (GCS_MAVLINK::send_power_status)."""
-    return POWER_STATUS(BOARD_MV, 0, 0) if vehicle.is_initialised() else None
+    return POWER_STATUS(BOARD_MV, 0, 0) if vehicle.copter.has_booted else None
 
 
-def hwstatus(_vehicle: VehiclePort, _channel: Channel, _now_us: int) -> HWSTATUS:
+def hwstatus(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> HWSTATUS:
     """5 V for the board (GCS_MAVLINK::send_hwstatus)."""
     return HWSTATUS(BOARD_MV, 0)
 
 
-def meminfo(_vehicle: VehiclePort, _channel: Channel, _now_us: int) -> MEMINFO:
+def meminfo(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> MEMINFO:
     """Half a megabyte of free memory (GCS_MAVLINK::send_meminfo)."""
     return MEMINFO(0, min(FREE_MEMORY, 0xFFFF), FREE_MEMORY)
 
 
-def battery_status(_vehicle: VehiclePort, _channel: Channel, _now_us: int) -> BATTERY_STATUS:
+def battery_status(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> BATTERY_STATUS:
     """A full battery without current, its voltage in the first cell (GCS_MAVLINK::send_battery_status)."""
     return BATTERY_STATUS(
         id=0,
@@ -73,34 +77,34 @@ def battery_status(_vehicle: VehiclePort, _channel: Channel, _now_us: int) -> BA
     )
 
 
-def nav_controller_output(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> NAV_CONTROLLER_OUTPUT | None:
+def nav_controller_output(vehicle: Vehicle, _channel: Channel, _now_us: int) -> NAV_CONTROLLER_OUTPUT | None:
     """The present attitude in degrees as the wanted one, and no way to go, once the vehicle is initialised.
 
     Source: GCS_MAVLINK_Copter::send_nav_controller_output.
     """
-    if not vehicle.is_initialised():
+    if not vehicle.copter.has_booted:
         return None
     roll, pitch, yaw = map(degrees, euler_rad(vehicle).to_tuple())
     return NAV_CONTROLLER_OUTPUT(float(roll), float(pitch), i16_of(yaw), 0, 0, 0.0, 0.0, 0.0)
 
 
-def mission_current(_vehicle: VehiclePort, _channel: Channel, _now_us: int) -> MISSION_CURRENT:
+def mission_current(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> MISSION_CURRENT:
     """No mission (GCS_MAVLINK::send_mission_current)."""
     return MISSION_CURRENT(0, 0, _MISSION_STATE_NO_MISSION, 0)
 
 
-def servo_output_raw(_vehicle: VehiclePort, _channel: Channel, now_us: int) -> SERVO_OUTPUT_RAW:
+def servo_output_raw(_vehicle: Vehicle, _channel: Channel, now_us: int) -> SERVO_OUTPUT_RAW:
     """Four motors at rest, in us (GCS_MAVLINK::send_servo_output_raw)."""
     # FIRMWARE PARITY: a second message, with port 1, tells of outputs 17 to 32.
     return SERVO_OUTPUT_RAW(u32(now_us), 0, *MOTOR_PWM_US, *(0,) * 4)
 
 
-def rc_channels(_vehicle: VehiclePort, _channel: Channel, now_us: int) -> RC_CHANNELS:
+def rc_channels(_vehicle: Vehicle, _channel: Channel, now_us: int) -> RC_CHANNELS:
     """Sticks centred and throttle down, in us (GCS_MAVLINK::send_rc_channels)."""
     return RC_CHANNELS(boot_ms(now_us), RC_CHANNEL_COUNT, *RC_PWM_US, *(0,) * 10, rssi=_RSSI_UNKNOWN)
 
 
-def rc_channels_raw(_vehicle: VehiclePort, channel: Channel, now_us: int) -> RC_CHANNELS_RAW | None:
+def rc_channels_raw(_vehicle: Vehicle, channel: Channel, now_us: int) -> RC_CHANNELS_RAW | None:
     """The same for MAVLink 1; nothing on a MAVLink 2 link (GCS_MAVLINK::send_rc_channels_raw)."""
     if channel.codec.version == 2:
         return None

@@ -5,14 +5,16 @@
 Source: GCS_MAVLink/GCS_Common.cpp.
 """
 
+from __future__ import annotations
+
 import math
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import i32, int_of_float, u16
 from ap_core.fmath import degrees, f32, norm3, wrap_360
+from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from mav_handlers.channel import Channel
-from mav_handlers.ports import Location, VehiclePort
 from mav_handlers.senders.attitude import euler_rad
 from mav_handlers.senders.builder import boot_ms, floats, i16_of, quiet_overflow
 from mav_handlers.senders.gps import ground_speed_ms
@@ -24,6 +26,9 @@ from mav_handlers.wire.messages import (
     VFR_HUD,
 )
 
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
+
 NOWHERE: Final = Location(0, 0, 0)
 """What is told of the vehicle's place before it is known."""
 
@@ -32,7 +37,7 @@ _CENTI: Final = f32(0.01)
 _HUNDRED: Final = f32(100)
 
 
-def local_position_ned(vehicle: VehiclePort, _channel: Channel, now_us: int) -> LOCAL_POSITION_NED | None:
+def local_position_ned(vehicle: Vehicle, _channel: Channel, now_us: int) -> LOCAL_POSITION_NED | None:
     """Position in m from the EKF origin and velocity in m/s, NED, while both are known.
 
     Source: GCS_MAVLINK::send_local_position.
@@ -45,7 +50,7 @@ def local_position_ned(vehicle: VehiclePort, _channel: Channel, now_us: int) -> 
 
 
 @quiet_overflow
-def global_position_int(vehicle: VehiclePort, _channel: Channel, now_us: int) -> GLOBAL_POSITION_INT:
+def global_position_int(vehicle: Vehicle, _channel: Channel, now_us: int) -> GLOBAL_POSITION_INT:
     """The last known place, zeros before the first; velocity in cm/s, 0 while unknown; heading 0..359.99 deg.
 
     Source: GCS_MAVLINK::send_global_position_int.
@@ -66,7 +71,7 @@ def global_position_int(vehicle: VehiclePort, _channel: Channel, now_us: int) ->
     )
 
 
-def _relative_alt_mm(vehicle: VehiclePort) -> int:
+def _relative_alt_mm(vehicle: Vehicle) -> int:
     """Return the height above home; without home or position it is the barometer's, which stays where it was at boot.
 
     Source: AP_AHRS::get_relative_position_D_home.
@@ -79,13 +84,13 @@ def _relative_alt_mm(vehicle: VehiclePort) -> int:
     return int_of_float(float(down_m * f32(-1000)))
 
 
-def _heading_cdeg(vehicle: VehiclePort) -> int:
+def _heading_cdeg(vehicle: Vehicle) -> int:
     heading = int_of_float(float(degrees(euler_rad(vehicle).z) * _HUNDRED))
     return u16(heading + _FULL_TURN_CDEG if heading < 0 else heading)
 
 
 @quiet_overflow
-def vfr_hud(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> VFR_HUD:
+def vfr_hud(vehicle: Vehicle, _channel: Channel, _now_us: int) -> VFR_HUD:
     """Speeds in m/s, heading in whole degrees, altitude above sea level, climb; airspeed is the GPS's speed.
 
     Source: GCS_MAVLINK::send_vfr_hud, GCS_MAVLINK_Copter::vfr_hud_airspeed.
@@ -102,7 +107,7 @@ def vfr_hud(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> VFR_HUD:
     )
 
 
-def gps_global_origin(vehicle: VehiclePort, _channel: Channel, now_us: int) -> GPS_GLOBAL_ORIGIN | None:
+def gps_global_origin(vehicle: Vehicle, _channel: Channel, now_us: int) -> GPS_GLOBAL_ORIGIN | None:
     """The EKF origin; nothing while unset (GCS_MAVLINK::send_gps_global_origin)."""
     origin = vehicle.ahrs.origin()
     if origin is None:
@@ -110,7 +115,7 @@ def gps_global_origin(vehicle: VehiclePort, _channel: Channel, now_us: int) -> G
     return GPS_GLOBAL_ORIGIN(origin.lat, origin.lng, i32(origin.alt_cm * 10), now_us)
 
 
-def home_position(vehicle: VehiclePort, _channel: Channel, now_us: int) -> HOME_POSITION | None:
+def home_position(vehicle: Vehicle, _channel: Channel, now_us: int) -> HOME_POSITION | None:
     """Home, and the way to it from the EKF origin in m NED; nothing while unset (GCS_MAVLINK::send_home_position)."""
     home, origin = vehicle.copter.home.place, vehicle.ahrs.origin()
     if home is None:

@@ -5,17 +5,21 @@
 Source: GCS_MAVLink/GCS_Common.cpp (update_send, do_try_send_message).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mav_handlers.channel import Channel
 from mav_handlers.params.pump import pump_params
 from mav_handlers.params.reads import ParamReads
-from mav_handlers.ports import VehiclePort
 from mav_handlers.radio import RadioLink
 from mav_handlers.schedule.deferred import NEXT_PARAM
 from mav_handlers.senders import MOVING_ON, SENDERS
 from mav_handlers.wire.messages import MESSAGES
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 SENT_WHILE_BOOTING: Final = frozenset({"HEARTBEAT", NEXT_PARAM, "HIGH_LATENCY2", "AUTOPILOT_VERSION"})
 
@@ -26,7 +30,7 @@ _RANK: Final = {name: number for number, name in enumerate(SENDERS)}
 class Sending:
     """What all links share when they send; ``run`` is one pass of one link."""
 
-    vehicle: VehiclePort
+    vehicle: Vehicle
     reads: ParamReads
     radio: RadioLink
 
@@ -57,7 +61,7 @@ class Sending:
     def _try(self, channel: Channel, name: str, now_us: int) -> bool:
         """Send a message if there is anything to send; False when it has to wait."""
         # FIRMWARE PARITY: the firmware does so in the blocking delays of initialisation.
-        if not self.vehicle.is_initialised() and name not in SENT_WHILE_BOOTING:
+        if not self.vehicle.copter.has_booted and name not in SENT_WHILE_BOOTING:
             return True
         if self._is_delayed(now_us):
             return False

@@ -2,14 +2,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The truth of a vehicle that flies, as the firmware's simulator tells it (SITL/SITL.cpp)."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 from ap_core.location import Location
 from mav_handlers.channel import Channel
-from mav_handlers.ports import FlightTruth, VehiclePort
 from mav_handlers.senders.position import NOWHERE
 from mav_handlers.wire.messages import SIM_STATE, SIMSTATE
 
+if TYPE_CHECKING:
+    from viso.vehicle.copter.flying.flight_control import FlightTruth
+    from viso.vehicle.vehicle import Vehicle
 
-def _truth(vehicle: VehiclePort) -> tuple[FlightTruth, Location] | None:
+
+def _truth(vehicle: Vehicle) -> tuple[FlightTruth, Location] | None:
     flight = vehicle.copter.flight
     if flight is None:
         return None
@@ -17,7 +24,7 @@ def _truth(vehicle: VehiclePort) -> tuple[FlightTruth, Location] | None:
     return truth, truth.place or NOWHERE
 
 
-def simstate(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SIMSTATE | None:
+def simstate(vehicle: Vehicle, _channel: Channel, _now_us: int) -> SIMSTATE | None:
     """Attitude, inertial data and place; nothing of a vehicle that nobody flies (SIM::simstate_send)."""
     if (found := _truth(vehicle)) is None:
         return None
@@ -25,7 +32,7 @@ def simstate(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SIMSTATE 
     return SIMSTATE(*truth.rpy_rad, *truth.acc_frd_m_s2, *truth.rates_frd_rad_s, place.lat, place.lng)
 
 
-def sim_state(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> SIM_STATE | None:
+def sim_state(vehicle: Vehicle, _channel: Channel, _now_us: int) -> SIM_STATE | None:
     """The same with the velocity; places in 1e-7 degrees, as the simulator has them (SIM::sim_state_send)."""
     if (found := _truth(vehicle)) is None:
         return None

@@ -5,11 +5,12 @@
 Source: GCS_MAVLink/GCS_Common.cpp, ArduCopter/GCS_MAVLink_Copter.cpp.
 """
 
-from typing import Final
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import int_of_float, u8, u64
 from mav_handlers.channel import Channel, ModesRequest
-from mav_handlers.ports import VehiclePort
 from mav_handlers.senders.builder import boot_ms
 from mav_handlers.wire.messages import (
     AUTOPILOT_VERSION,
@@ -19,6 +20,9 @@ from mav_handlers.wire.messages import (
     HEARTBEAT,
     SYSTEM_TIME,
 )
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 MAV_TYPE_QUADROTOR: Final = 2
 MAV_AUTOPILOT_ARDUPILOTMEGA: Final = 3
@@ -48,7 +52,7 @@ _NAME: Final = b"viso"
 _SEQUENCE: Final = 0
 
 
-def heartbeat(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> HEARTBEAT:
+def heartbeat(vehicle: Vehicle, _channel: Channel, _now_us: int) -> HEARTBEAT:
     """Presence and state: STANDBY on the ground even when armed, CRITICAL in a failsafe and after any internal error.
 
     Source: GCS_MAVLINK_Copter::base_mode, GCS_MAVLINK_Copter::vehicle_system_status, GCS_MAVLINK::system_status.
@@ -63,20 +67,20 @@ def heartbeat(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> HEARTBEA
     )
 
 
-def _base_mode(vehicle: VehiclePort) -> int:
+def _base_mode(vehicle: Vehicle) -> int:
     armed = MODE_FLAG_ARMED if vehicle.copter.is_armed() else 0
     return MODE_FLAGS | armed | (MODE_FLAG_GUIDED if vehicle.copter.is_holding_position() else 0)
 
 
-def _system_status(vehicle: VehiclePort) -> int:
-    if not vehicle.is_initialised():
+def _system_status(vehicle: Vehicle) -> int:
+    if not vehicle.copter.has_booted:
         return MAV_STATE_BOOT
     if vehicle.copter.is_in_failsafe() or vehicle.internal_errors.mask:
         return MAV_STATE_CRITICAL
     return MAV_STATE_STANDBY if vehicle.copter.is_landed() else MAV_STATE_ACTIVE
 
 
-def extended_sys_state(vehicle: VehiclePort, _channel: Channel, _now_us: int) -> EXTENDED_SYS_STATE:
+def extended_sys_state(vehicle: Vehicle, _channel: Channel, _now_us: int) -> EXTENDED_SYS_STATE:
     """A multicopter: on the ground, taking off, in the air, or landing (GCS_MAVLINK_Copter::landed_state)."""
     if vehicle.copter.is_landed():
         landed_state = MAV_LANDED_STATE_ON_GROUND
@@ -89,21 +93,21 @@ def extended_sys_state(vehicle: VehiclePort, _channel: Channel, _now_us: int) ->
     return EXTENDED_SYS_STATE(MAV_VTOL_STATE_MC, landed_state)
 
 
-def system_time(vehicle: VehiclePort, _channel: Channel, now_us: int) -> SYSTEM_TIME:
+def system_time(vehicle: Vehicle, _channel: Channel, now_us: int) -> SYSTEM_TIME:
     """Time of day, 0 while unknown, and time since boot."""
     return SYSTEM_TIME(u64(vehicle.rtc.utc_us()), boot_ms(now_us))
 
 
-def autopilot_version(vehicle: VehiclePort, channel: Channel, _now_us: int) -> AUTOPILOT_VERSION:
+def autopilot_version(vehicle: Vehicle, channel: Channel, _now_us: int) -> AUTOPILOT_VERSION:
     """Capabilities and version; middleware and operating system are zero, as in simulation; uid2 tells vehicles apart.
 
     Source: GCS_MAVLINK::send_autopilot_version.
     """
     capabilities = CAPABILITIES if channel.codec.version == 2 else CAPABILITIES & ~CAPABILITY_MAVLINK2
-    version, _, source_hash = vehicle.firmware_version()
-    custom = tuple(source_hash.encode("ascii")[:8].ljust(8, b"\0"))
+    firmware = vehicle.firmware
+    custom = tuple(firmware.source_hash.encode("ascii")[:8].ljust(8, b"\0"))
     zeros = (0,) * 8
-    return AUTOPILOT_VERSION(capabilities, version, 0, 0, 0, custom, zeros, zeros, 0, 0, 0, _uid2(vehicle))
+    return AUTOPILOT_VERSION(capabilities, firmware.sw_version, 0, 0, 0, custom, zeros, zeros, 0, 0, 0, _uid2(vehicle))
 
 
 def system_text(system_id: int) -> str:
@@ -114,7 +118,7 @@ def system_text(system_id: int) -> str:
     return f"{system_id & 0xFFFF:04x}{_NAME.hex()}".ljust(SYSTEM_TEXT_DIGITS, "0")
 
 
-def _uid2(vehicle: VehiclePort) -> tuple[int, ...]:
+def _uid2(vehicle: Vehicle) -> tuple[int, ...]:
     name = system_text(vehicle.params.get_int(vehicle.release.params.system_id))
     return tuple(name.encode("ascii")[:UID2_BYTES])
 
@@ -124,7 +128,7 @@ def request_modes(channel: Channel, index: float) -> None:
     channel.modes_request = ModesRequest(u8(int_of_float(index)), next_index=1)
 
 
-def available_modes(vehicle: VehiclePort, channel: Channel, _now_us: int) -> AVAILABLE_MODES | None:
+def available_modes(vehicle: Vehicle, channel: Channel, _now_us: int) -> AVAILABLE_MODES | None:
     """The mode that was asked for, or the next one of all; nothing when nobody asked or there is no such mode."""
     request = channel.modes_request
     if request is None:
@@ -141,6 +145,6 @@ def available_modes(vehicle: VehiclePort, channel: Channel, _now_us: int) -> AVA
     return AVAILABLE_MODES(len(modes), index, mode.standard_mode, mode.custom_mode, mode.properties, mode.name)
 
 
-def available_modes_monitor(_vehicle: VehiclePort, _channel: Channel, _now_us: int) -> AVAILABLE_MODES_MONITOR:
+def available_modes_monitor(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> AVAILABLE_MODES_MONITOR:
     """A number that changes with the list."""
     return AVAILABLE_MODES_MONITOR(_SEQUENCE)

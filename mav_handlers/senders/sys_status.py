@@ -5,15 +5,19 @@
 Source: GCS_MAVLink/GCS.cpp and ArduCopter/GCS_Copter.cpp, update_sensor_status_flags and its vehicle part.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u16
 from ekf_stub.inputs.gps_sample import FIX_3D
 from mav_handlers.channel import Channel
-from mav_handlers.ports import VehiclePort
 from mav_handlers.senders.parked import BATTERY_MV, BATTERY_REMAINING_PCT
 from mav_handlers.wire.messages import SYS_STATUS
+
+if TYPE_CHECKING:
+    from viso.vehicle.vehicle import Vehicle
 
 SENSOR_3D_GYRO: Final = 0x1
 SENSOR_3D_ACCEL: Final = 0x2
@@ -60,7 +64,7 @@ _NO_CURRENT: Final = 0
 _BENCH_LOAD: Final = 0
 
 
-def _changing(vehicle: VehiclePort) -> Mapping[int, Bits]:
+def _changing(vehicle: Vehicle) -> Mapping[int, Bits]:
     copter, ranges, flow, camera = vehicle.copter, vehicle.ranges, vehicle.flow, vehicle.visual_odom
     holds_height, holds_position = copter.is_holding_height(), copter.is_holding_position()
     settled = vehicle.ahrs.initialised()
@@ -86,7 +90,7 @@ def _changing(vehicle: VehiclePort) -> Mapping[int, Bits]:
     }
 
 
-def sensor_bits(vehicle: VehiclePort) -> tuple[int, int, int]:
+def sensor_bits(vehicle: Vehicle) -> tuple[int, int, int]:
     """Return the masks of sensors present, enabled and healthy (GCS::update_sensor_status_flags)."""
     present, enabled, healthy = _ALWAYS_HEALTHY | SENSOR_GEOFENCE, _ALWAYS_HEALTHY, _ALWAYS_HEALTHY | _HEALTHY_ANYWAY
     for sensor, (is_present, is_enabled, is_healthy) in _changing(vehicle).items():
@@ -96,12 +100,12 @@ def sensor_bits(vehicle: VehiclePort) -> tuple[int, int, int]:
     return present, enabled, healthy
 
 
-def sys_status(vehicle: VehiclePort, channel: Channel, _now_us: int) -> SYS_STATUS | None:
+def sys_status(vehicle: Vehicle, channel: Channel, _now_us: int) -> SYS_STATUS | None:
     """Sensor masks and error counts, once the vehicle is initialised; load and battery are placeholders.
 
     Source: GCS_MAVLINK::send_sys_status.
     """
-    if not vehicle.is_initialised():
+    if not vehicle.copter.has_booted:
         return None
     errors = vehicle.internal_errors
     return SYS_STATUS(

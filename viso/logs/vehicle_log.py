@@ -12,11 +12,11 @@ import numpy as np
 
 from ap_core.clock import Clock
 from ap_core.fmath import degrees, f32
+from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, MSG, ORGN, VER
 from ap_core.quaternion import Quaternion
 from mav_handlers.channel import Channel
-from mav_handlers.ports import Location
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.logger import Logger
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Range finders that DISTANCE_SENSOR messages feed (AP_RangeFinder/AP_RangeFinder.cpp, AP_RangeFinder_MAVLink.cpp)."""
 
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,7 +15,6 @@ from ap_core.param_cache import FromParams
 from ap_core.sinks import RecordSink
 from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
 from ekf_stub.reports.core_report import Three
-from mav_handlers.ports import RangeReport
 from mav_handlers.wire.messages import DISTANCE_SENSOR
 from viso.firmware.log_releases import RFND
 from viso.parameters.releases import REFERENCE, RangeUnit
@@ -31,6 +31,22 @@ _CENTI: Final = f32(0.01)
 _UNKNOWN_QUALITY: Final = -1
 _WORST_QUALITY: Final = 0
 _HAVE_NO_DATA: Final = (RangeStatus.NOT_CONNECTED, RangeStatus.NO_DATA)
+
+
+@dataclass(frozen=True, slots=True)
+class RangeReport:
+    """What a range finder says: its number, kind and orientation as DISTANCE_SENSOR has them, ranges in m.
+
+    ``quality`` is in percent, -1 unknown.
+    """
+
+    number: int
+    kind: int
+    orientation: int
+    distance: float
+    least: float
+    most: float
+    quality: int
 
 
 class _Setting(NamedTuple):

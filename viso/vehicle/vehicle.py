@@ -7,9 +7,9 @@ loop, which are 400 per second. A pass runs what comes before the filter, the fi
 turn, in the firmware's order. So records and messages come in the order that a real log has. Nothing here waits, sleeps
 or runs beside; who calls decides whether time is real.
 
-This is the one place that knows all parts. The copter and the maker of the AHRS get the vehicle, and take what they
-need of it; all others get the objects that they ask for. The last part of the class
-is the vehicle as the endpoint sees it (``mav_handlers.ports``), and for the most part passes on.
+This is the one place that knows all parts. The copter, the maker of the AHRS, and handlers and senders of the endpoint
+get the vehicle, and take what they need of its parts; all others get the objects that they ask for. The last part of
+the class is what the endpoint asks of the vehicle itself.
 """
 
 from typing import Final
@@ -17,6 +17,7 @@ from typing import Final
 from ap_core.cint import i16
 from ap_core.clock import NEVER, VirtualClock, count_before
 from ap_core.internal_error import InternalErrors
+from ap_core.location import Location
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
@@ -28,7 +29,6 @@ from ekf_stub.log.replay_log import ReplayLog
 from ekf_stub.log.replay_log_structure import RFRH
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MavEndpoint
-from mav_handlers.ports import Location, OriginResult
 from mav_handlers.statustext import TEXT_FIELD_LEN, StatusTextQueue
 from mav_handlers.transfers.log_transfer import LogTransfer
 from viso.logs.library import NoLogs, StoredLogs
@@ -83,9 +83,8 @@ class Vehicle:
         battery_monitor: BATT_MONITOR at boot, 0 for none.
         ahrs, source, visual_odom, gps, flow, ranges, rtc, copter: what it is made of; ``source`` is where its sensors'
             data come from.
-        hil: the simulator that its sensors come from, None where they do not.
         endpoint: its end of MAVLink.
-        reboot_requested: a client has asked for a restart.
+        reboot_requested: a client has asked for a restart; who runs the vehicle restarts it.
 
     Raises:
         ValueError: a default that its parameter cannot take, or a camera that has nothing to see.
@@ -128,7 +127,6 @@ class Vehicle:
         self.ahrs: AhrsBase = config.make_ahrs(self)
         source = self.ahrs.source
         self.source = source if isinstance(source, VehicleSource) else VehicleSource(ImuOptions())
-        self.hil = self.source.hil
         self.visual_odom = AP_VisualOdom(
             visual_odom_params,
             ahrs=self.ahrs,
@@ -335,7 +333,7 @@ class Vehicle:
 
     def _log_wanted(self) -> bool:
         # The reference's logs begin where booting ends; and pymavlink's reader trips over records of the first 256 us.
-        if not self.is_initialised() or (self.logs.suspends_logging and not self.copter.arming.armed):
+        if not self.copter.has_booted or (self.logs.suspends_logging and not self.copter.arming.armed):
             return False
         return self.is_time_to_log()
 
@@ -384,18 +382,9 @@ class Vehicle:
             for channel in self.endpoint.channels
         ]
 
-    def firmware_version(self) -> tuple[int, str, str]:
-        """Return flight_sw_version, the version text and the source hash."""
-        firmware = self._config.firmware
-        return firmware.sw_version, firmware.version_text, firmware.source_hash
-
     def banner(self) -> tuple[str, ...]:
         """Return the texts that introduce the vehicle."""
         return banner(self._config.firmware, self.params)
-
-    def is_initialised(self) -> bool:
-        """Return whether booting is over."""
-        return self.copter.has_booted
 
     def is_armed(self) -> bool:
         """Return whether it is armed."""
@@ -408,22 +397,18 @@ class Vehicle:
         disarmed_us = self.copter.disarmed_us
         return disarmed_us is not None and self.clock.micros64() - disarmed_us < LOG_AFTER_DISARM_US
 
-    def request_reboot(self) -> None:
-        """Ask whoever runs the vehicle for a restart."""
-        self.reboot_requested = True
-
     def set_source_set(self, index: int) -> None:
         """Choose one of the three EKF source sets, 0..2."""
         if index != self.sources.active_set:
             self.sources.active_set = index
             self.log.event(EV_SOURCE_SET_1 + index)
 
-    def set_origin(self, location: Location) -> OriginResult:
-        """Set the EKF origin, once; every core says so."""
+    def set_origin(self, location: Location) -> bool:
+        """Set the EKF origin, once; say whether it was set, as every core does in a text."""
         if not self.ahrs.set_origin(location):
-            return OriginResult.FAILED
+            return False
         self.log.place(ORGN_EKF, location)
-        return OriginResult.SET
+        return True
 
     def last_location(self) -> Location | None:
         """Return where the vehicle is, or where it was when somebody last asked and it was known."""

@@ -16,8 +16,7 @@ import numpy as np
 
 from ap_core.param_info import MAX_NAME_SIZE
 from ap_core.verdict import Outcome
-from mav_handlers.channel import Channel
-from mav_handlers.context import Context
+from mav_handlers.channel import Channel, Context
 from mav_handlers.handlers.commands import MavCmd, MavResult, handle_command_long
 from mav_handlers.handlers.params import handle_param_set
 from mav_handlers.verdicts import HANDLED
@@ -222,7 +221,7 @@ class Desk:
         name = type(message).__name__
         header = Header(name, message_id(name), GCS_SYSTEM_ID, GCS_COMPONENT_ID, 0, 2, b"")
         now_us = vehicle.clock.micros64()
-        return Context(vehicle.endpoint, vehicle, self._own_channel(vehicle), header, now_us, now_us)
+        return Context(vehicle, self._own_channel(vehicle), header, now_us, now_us)
 
     def _own_channel(self, vehicle: Vehicle) -> Channel:
         # It is none of the endpoint's: nothing is sent on it but answers.

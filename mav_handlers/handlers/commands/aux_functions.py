@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from ap_core.cint import int_of_float, u8, u16
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.handlers.commands.results import MavResult, accepted_if, u32_of_float
 from mav_handlers.wire.messages import COMMAND_INT
 

@@ -11,7 +11,7 @@ import numpy as np
 from ap_core.cint import int_of_float
 from ap_core.fmath import f32
 from ap_core.verdict import Verdict
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.handlers.commands import aux_functions, flight, home, message_intervals, modes, system
 from mav_handlers.handlers.commands.results import MavCmd, MavResult
 from mav_handlers.verdicts import HANDLED

@@ -2,23 +2,48 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Commands to a vehicle in flight (ArduCopter/GCS_MAVLink_Copter.cpp); who has no motors does not support them."""
 
+from __future__ import annotations
+
 import math
-from typing import Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import int_of_float
 from ap_core.fmath import f32, is_zero
 from ap_core.param_info import is_equal
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.handlers.commands.home import absolute_place, location_problem
 from mav_handlers.handlers.commands.results import MavResult
-from mav_handlers.ports import FlightPort, GuidedTarget
 from mav_handlers.wire.messages import COMMAND_INT
+
+if TYPE_CHECKING:
+    from viso.vehicle.copter.flying.flight_control import FlightControl
 
 GUIDED: Final = 4
 CHANGE_MODE: Final = 1
 AIRSPEED: Final = 0
 GROUND_SPEED: Final = 1
 FULL_TURN_DEG: Final = 360.0
+
+
+@dataclass(frozen=True, slots=True)
+class GuidedTarget:
+    """What a companion wants of a vehicle in GUIDED; None for what it leaves open.
+
+    Attributes:
+        pos_ned_m: a place, from the EKF origin.
+        vel_ned_m_s: a velocity; with a place, that of the place.
+        acc_ned_m_s2: an acceleration.
+        yaw_rad: where to look, or by what angle to turn if ``is_yaw_relative``.
+        yaw_rate_rad_s: how fast to turn.
+    """
+
+    pos_ned_m: tuple[float, float, float] | None = None
+    vel_ned_m_s: tuple[float, float, float] | None = None
+    acc_ned_m_s2: tuple[float, float, float] | None = None
+    yaw_rad: float | None = None
+    yaw_rate_rad_s: float | None = None
+    is_yaw_relative: bool = False
 
 
 def condition_yaw(ctx: Context, command: COMMAND_INT) -> MavResult:
@@ -68,7 +93,7 @@ def do_reposition(ctx: Context, command: COMMAND_INT) -> MavResult:
     return MavResult.ACCEPTED
 
 
-def _target(ctx: Context, flight: FlightPort, command: COMMAND_INT) -> GuidedTarget | None:
+def _target(ctx: Context, flight: FlightControl, command: COMMAND_INT) -> GuidedTarget | None:
     place = absolute_place(ctx, command)
     if place is None or not place.is_valid() or not (place.lat or place.lng):
         return None

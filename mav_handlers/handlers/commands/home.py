@@ -3,16 +3,17 @@
 """Commands about home and the EKF's origin."""
 
 import math
+from enum import Enum
 from typing import Final
 
 import numpy as np
 
 from ap_core.cint import i32, int_of_float
 from ap_core.fmath import f32, is_zero
+from ap_core.location import Location
 from ap_core.param_info import is_equal
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.handlers.commands.results import MavResult, accepted_if, u32_of_float, u64_of_float
-from mav_handlers.ports import Location, OriginResult
 from mav_handlers.senders import gps_global_origin, home_position
 from mav_handlers.wire.messages import COMMAND_INT
 
@@ -28,6 +29,14 @@ _ONE: Final = f32(1)
 _US_PER_S: Final = f32(1e6)
 _MS_PER_S: Final = f32(1e3)
 _MAV_SEVERITY_INFO: Final = 6
+
+
+class OriginResult(Enum):
+    """Outcome of a request to set the EKF origin."""
+
+    SET = "set"
+    INVALID = "invalid"
+    FAILED = "failed"
 
 
 def get_home_position(ctx: Context, _command: COMMAND_INT) -> MavResult:
@@ -77,10 +86,15 @@ def set_ekf_origin(ctx: Context, location: Location) -> OriginResult:
         return OriginResult.INVALID
     if location.lat == 0 and location.lng == 0 and location.alt_cm == 0:
         return OriginResult.INVALID
-    result = ctx.vehicle.set_origin(location)
-    if result is OriginResult.SET:
-        ctx.vehicle.release.tell_origin(ctx.endpoint, ctx.channel, ctx.now_us)
-    return result
+    if not ctx.vehicle.set_origin(location):
+        return OriginResult.FAILED
+    endpoint = ctx.vehicle.endpoint
+    if ctx.vehicle.release.sends_origin_at_once:
+        endpoint.send_origin(ctx.channel, ctx.now_us)
+    else:
+        endpoint.request_message_everywhere("GPS_GLOBAL_ORIGIN")
+    endpoint.send_texts_first()
+    return OriginResult.SET
 
 
 def do_set_global_origin(ctx: Context, command: COMMAND_INT) -> MavResult:

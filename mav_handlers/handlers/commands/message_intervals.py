@@ -6,8 +6,7 @@ from typing import Final
 
 from ap_core.cint import int_of_float
 from ap_core.fmath import f32, is_zero
-from mav_handlers.channel import MAX_INTERVAL_MS
-from mav_handlers.context import Context
+from mav_handlers.channel import MAX_INTERVAL_MS, Context
 from mav_handlers.handlers.commands.results import MavResult, u32_of_float
 from mav_handlers.senders import SENDERS
 from mav_handlers.senders.intervals import MIN_INTERVAL_MS, default_interval_ms, set_interval

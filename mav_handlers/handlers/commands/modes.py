@@ -8,7 +8,7 @@ import numpy as np
 
 from ap_core.cint import int_of_float, u8
 from ap_core.fmath import f32, is_zero
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.handlers.commands.results import MavResult, accepted_if, u32_of_float
 from mav_handlers.wire.messages import COMMAND_INT
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from ap_core.fmath import f32, is_zero
 from ap_core.param_info import is_equal
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.handlers.commands.results import MavResult, accepted_if
 from mav_handlers.wire.messages import COMMAND_INT
 
@@ -56,7 +56,7 @@ def request_autopilot_capabilities(ctx: Context, command: COMMAND_INT) -> MavRes
 
 def do_send_banner(ctx: Context, _command: COMMAND_INT) -> MavResult:
     """Introduce the vehicle in texts."""
-    ctx.endpoint.send_banner(ctx.channel)
+    ctx.vehicle.endpoint.send_banner(ctx.channel)
     return MavResult.ACCEPTED
 
 
@@ -71,7 +71,7 @@ def preflight_reboot_shutdown(ctx: Context, command: COMMAND_INT) -> MavResult:
         return MavResult.FAILED
     if not is_equal(param1, REBOOT) and not is_equal(param1, REBOOT_TO_BOOTLOADER):
         return MavResult.UNSUPPORTED
-    ctx.vehicle.request_reboot()
+    ctx.vehicle.reboot_requested = True
     return MavResult.ACCEPTED
 
 

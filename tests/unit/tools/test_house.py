@@ -5,6 +5,8 @@
 import re
 from typing import Any
 
+import pytest
+
 from tools.house import FRONTEND, circle, open_plans
 from tools.rooms_picture import draw, rooms
 
@@ -15,11 +17,17 @@ CONTRACTS: list[dict[str, Any]] = [
 ]
 
 
-def test_a_circle_is_found_and_the_firmwares_own_is_not() -> None:
-    backend, other = f"{FRONTEND}_backend", "ap_visualodom.batch"
-    own: dict[str, set[str]] = {FRONTEND: {backend}, backend: {FRONTEND}}
+@pytest.mark.parametrize(
+    ("knows", "known"),
+    [(f"{FRONTEND}_backend", FRONTEND), ("mav_handlers.channel", "viso.vehicle.vehicle")],
+    ids=["the firmware's own", "handlers and vehicle"],
+)
+def test_a_circle_is_found_unless_it_is_one_of_types_alone(knows: str, known: str) -> None:
+    other = "ap_visualodom.batch"
+    own: dict[str, set[str]] = {known: {knows}, knows: {known}}
     assert circle(own) == []
-    assert set(circle(own | {FRONTEND: {backend, other}, other: {FRONTEND}})) == {FRONTEND, other}
+    assert set(circle(own, at_run_time=True)) == {knows, known}
+    assert set(circle(own | {known: {knows, other}, other: {known}})) == {known, other}
 
 
 def test_a_plan_with_gaps_is_found() -> None:

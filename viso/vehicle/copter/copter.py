@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u8
 from ap_core.clock import NEVER
-from mav_handlers.mission import Mission
-from mav_handlers.ports import AvailableMode
+from mav_handlers.handlers.missions import Mission
 from viso.vehicle.copter.arming import Arming, ArmMethod
 from viso.vehicle.copter.arming_checks import ArmingChecks
 from viso.vehicle.copter.ekf_check import EkfCheck
@@ -17,7 +16,7 @@ from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.flying.flight_control import FlightControl
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
-from viso.vehicle.copter.modes import AVAILABLE_MODES, FlightModes, ModeNumber, ModeReason
+from viso.vehicle.copter.modes import AVAILABLE_MODES, AvailableMode, FlightModes, ModeNumber, ModeReason
 from viso.vehicle.copter.motors import Motors
 from viso.vehicle.sensors.airframe import Airframe
 

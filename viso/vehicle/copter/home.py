@@ -9,7 +9,7 @@ from ap_core.cint import u32
 from ap_core.clock import NEVER
 from ap_core.fmath import f32, is_zero
 from ap_core.location import Location
-from mav_handlers.mission import Mission
+from mav_handlers.handlers.missions import Mission
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME
 
 if TYPE_CHECKING:

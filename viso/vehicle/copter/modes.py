@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import TYPE_CHECKING, Final
 
-from mav_handlers.ports import AvailableMode
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.home import Home
 
@@ -95,6 +94,16 @@ class Mode:
     holds_height: bool = True
     holds_position: bool = True
     lands: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class AvailableMode:
+    """A flight mode as AVAILABLE_MODES lists it: MAV_STANDARD_MODE 0 is none of those, properties are bits."""
+
+    name: str
+    custom_mode: int
+    standard_mode: int
+    properties: int
 
 
 def _modes(*modes: Mode) -> Mapping[int, Mode]:

@@ -9,7 +9,7 @@ import numpy as np
 from ap_core.clock import NEVER
 from ekf_stub.inputs.inertial import Array
 from ekf_stub.inputs.sensors import SensorSource
-from mav_handlers.ports import HilPort
+from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from viso.geometry import quaternions as quaternion
 from viso.vehicle.sensors.airframe import Airframe
 from viso.vehicle.sensors.errors import ErrorModel
@@ -24,13 +24,11 @@ class VehicleSource(SensorSource):
     Attributes:
         airframe: what flies; None of a vehicle that nobody flies.
         flight: the flight of a log that is flown again; None of a vehicle that does something else.
-        hil: who takes a simulator's messages; None where the sensors' data come from elsewhere.
         stands_for_ever: nothing can move it.
     """
 
     airframe: Airframe | None = None
     flight: Flight | None = None
-    hil: HilPort | None = None
     stands_for_ever = False
 
     def __init__(self, options: ImuOptions) -> None:
@@ -56,3 +54,11 @@ class VehicleSource(SensorSource):
     def events_until(self, now_us: int) -> Iterable[Event]:
         """Return what has happened since the last call, up to a time."""
         return ()
+
+    def take_hil_sensor(self, message: HIL_SENSOR, now_us: int) -> bool:
+        """Take a simulator's sensors at a time in us since boot; say whether the data come from a simulator."""
+        return False
+
+    def take_hil_state(self, message: HIL_STATE_QUATERNION, now_us: int) -> bool:
+        """Take a simulator's truth at a time in us since boot; say whether the data come from a simulator."""
+        return False

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from mav_handlers.ports import FlightPort, GuidedTarget, Location
+from mav_handlers.handlers.commands.flight import GuidedTarget
 from mav_handlers.verdicts import HANDLED, NO_FLIGHT, NOT_ACCEPTED, NOT_GUIDED, TARGET_REFUSED
 from mav_handlers.wire.messages import (
     COMMAND_INT,
@@ -233,10 +234,9 @@ def test_reposition(bench: "Bench", flight: Flight, mode: int, flags: float, fra
 
 def test_flying_vehicle_tells_its_truth(make_bench: "MakeBench") -> None:
     bench = make_bench(flies=True)
-    truth = bench.vehicle.copter.flight
-    assert truth is not None
-    port: FlightPort = truth
-    assert port.truth().rpy_rad == (0.0, 0.0, 0.0)
+    flight = bench.vehicle.copter.flight
+    assert flight is not None
+    assert flight.truth().rpy_rad == (0.0, 0.0, 0.0)
     for name in ("SIMSTATE", "SIM_STATE"):
         bench.endpoint.request_message(bench.client.channel, name)
     bench.run_ms(10)

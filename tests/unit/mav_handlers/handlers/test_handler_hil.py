@@ -8,11 +8,13 @@ from typing import cast
 import pytest
 
 from ap_core.verdict import Verdict
-from mav_handlers.context import Context
+from mav_handlers.channel import Context
 from mav_handlers.handlers import HANDLERS
 from mav_handlers.verdicts import HANDLED, NO_HIL_INPUT
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION, Message
+from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import VehicleSource
 
 SENSOR = HIL_SENSOR(
     12_345_678, 0.25, -0.5, -9.75, 0.125, 0.0, -0.5, 0.25, 0.0, 0.5, 1013.25, 0.0, 488.5, 20.0, 0x1FFF, 2
@@ -40,21 +42,24 @@ STATE = HIL_STATE_QUATERNION(
 NOW_US = 12_500
 
 
-class Simulator:
+class Simulator(VehicleSource):
     """Remembers what it was given, and when."""
 
     def __init__(self) -> None:
+        super().__init__(ImuOptions())
         self.given: list[tuple[Message, int]] = []
 
-    def take_hil_sensor(self, message: HIL_SENSOR, now_us: int) -> None:
+    def take_hil_sensor(self, message: HIL_SENSOR, now_us: int) -> bool:
         self.given.append((message, now_us))
+        return True
 
-    def take_hil_state(self, message: HIL_STATE_QUATERNION, now_us: int) -> None:
+    def take_hil_state(self, message: HIL_STATE_QUATERNION, now_us: int) -> bool:
         self.given.append((message, now_us))
+        return True
 
 
-def handle(hil: Simulator | None, message: Message) -> Verdict:
-    context = SimpleNamespace(vehicle=SimpleNamespace(hil=hil), now_us=NOW_US)
+def handle(source: VehicleSource, message: Message) -> Verdict:
+    context = SimpleNamespace(vehicle=SimpleNamespace(source=source), now_us=NOW_US)
     return HANDLERS[type(message)](cast("Context", context), message)
 
 
@@ -68,7 +73,7 @@ class TestHil:
         assert simulator.given == [(message, NOW_US)]
 
     def test_it_is_dropped_by_any_other(self, message: Message) -> None:
-        assert handle(None, message) is NO_HIL_INPUT
+        assert handle(VehicleSource(ImuOptions()), message) is NO_HIL_INPUT
 
     def test_it_comes_over_the_wire_as_it_was_sent(self, message: Message) -> None:
         codec = Codec(255, 190)

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from ap_core.fmath import f32
+from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.reports.filter_status import FilterStatus
 from mav_handlers.channel import Channel
-from mav_handlers.ports import Location, VehiclePort
 from mav_handlers.wire.messages import Message
+from viso.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench
@@ -121,13 +122,13 @@ class Desk:
     def origin(self, place: Location | None) -> None:
         self.ahrs.place_of_origin = place
 
-    def ask(self, builder: Callable[[VehiclePort, Channel, int], M | None], now_us: int = NOW_US) -> M:
+    def ask(self, builder: Callable[[Vehicle, Channel, int], M | None], now_us: int = NOW_US) -> M:
         """Return the message, which must come."""
         message = builder(self.vehicle, self.channel, now_us)
         assert message is not None
         return message
 
-    def has_nothing(self, builder: Callable[[VehiclePort, Channel, int], Message | None]) -> bool:
+    def has_nothing(self, builder: Callable[[Vehicle, Channel, int], Message | None]) -> bool:
         """Return whether there is nothing to report."""
         return builder(self.vehicle, self.channel, NOW_US) is None
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.gps_sample import GpsSample
-from mav_handlers.ports import Location
 from mav_handlers.senders.gps import gps_raw_int
 from mav_handlers.wire.messages import GPS_RAW_INT
 

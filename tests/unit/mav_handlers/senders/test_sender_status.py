@@ -84,9 +84,9 @@ def test_time_of_day_is_the_vehicles(desk: "Desk", monkeypatch: pytest.MonkeyPat
 
 def test_version_and_hash_are_those_of_the_reference(desk: "Desk") -> None:
     message = desk.ask(autopilot_version)
-    version, _, source_hash = desk.vehicle.firmware_version()
-    assert message.flight_sw_version == version == 0x04070000
-    assert bytes(message.flight_custom_version).decode() == source_hash
+    firmware = desk.vehicle.firmware
+    assert message.flight_sw_version == firmware.sw_version == 0x04070000
+    assert bytes(message.flight_custom_version).decode() == firmware.source_hash
 
 
 def test_capabilities_of_a_mavlink_2_link(desk: "Desk") -> None:

@@ -128,7 +128,7 @@ class TestBoot:
     @pytest.mark.parametrize("kind", [ATTITUDE, SYSTEM_TIME, SYS_STATUS])
     def test_streams_begin_when_initialisation_ends(self, make_bench: "MakeBench", kind: type[Message]) -> None:
         bench = make_bench(until_ms=0, MAV1_EXTRA1=10, MAV1_EXTRA3=10, MAV1_EXT_STAT=10)
-        while not bench.vehicle.is_initialised():
+        while not bench.vehicle.copter.has_booted:
             assert bench.client.read_of(kind) == []
             bench.run_ms(5)
         bench.run_ms(400)
@@ -142,7 +142,7 @@ class TestBoot:
     def test_version_and_parameters_can_be_had(self, make_bench: "MakeBench") -> None:
         bench = make_bench(until_ms=0)
         bench.run_ms(1000)
-        assert not bench.vehicle.is_initialised()
+        assert not bench.vehicle.copter.has_booted
         bench.endpoint.request_message(bench.client.channel, "AUTOPILOT_VERSION")
         bench.client.tell(PARAM_REQUEST_READ(1, 1, "VISO_TYPE", -1))
         bench.run_ms(200)

@@ -149,7 +149,8 @@ def test_further_release_is_known_to_every_command(
 def test_further_release_is_an_autopilot_for_tests(further: Firmware) -> None:
     autopilot = Autopilot(AutopilotOptions(firmware=MADE_UP))
     try:
-        assert autopilot.vehicle.firmware_version() == (0x09080700, "ArduCopter V9.8.7", "0badcafe")
+        firmware = autopilot.vehicle.firmware
+        assert (firmware.sw_version, firmware.banner) == (0x09080700, "ArduCopter V9.8.7 (0badcafe)")
         autopilot.send(VISION_POSITION_ESTIMATE(1, 0, 0, 0, 0, 0, 0, (4.0, *[0.0] * 20)))
         [record] = autopilot.records_of("VISP")
         assert record.fields["PErr"] == 2.0

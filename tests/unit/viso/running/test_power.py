@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from ap_core.location import Location
 from ap_core.verdict import Outcome
-from mav_handlers.ports import Location, OriginResult
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
     COMMAND_ACK,
@@ -106,7 +106,7 @@ def test_restart_makes_a_vehicle_that_has_heard_of_nobody(make: Callable[..., Ri
     assert rig.booted[-1] is rig.powered.vehicle is not rig.booted[0]
     assert rig.powered.vehicle.ahrs.origin() is None
     assert not any(channel.active for channel in rig.powered.channels)
-    assert rig.powered.vehicle.set_origin(Location(4, 5, 6)) is OriginResult.SET
+    assert rig.powered.vehicle.set_origin(Location(4, 5, 6))
 
 
 def test_ports_stay(make: Callable[..., Rig]) -> None:

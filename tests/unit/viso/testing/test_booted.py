@@ -77,7 +77,7 @@ def test_file_is_read_each_time(tmp_path: Path) -> None:
 )
 def test_every_preset_boots(preset: str) -> None:
     vehicle = booted_vehicle(AutopilotOptions(preset=preset)).vehicle
-    assert vehicle.is_initialised()
+    assert vehicle.copter.has_booted
     assert vehicle.unknown_defaults == ()
 
 

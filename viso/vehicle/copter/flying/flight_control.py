@@ -7,6 +7,7 @@ It knows where the vehicle is by the vehicle's own estimate alone. An estimate t
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
 from ap_core.clock import NEVER
@@ -14,7 +15,7 @@ from ap_core.location import Location
 from ap_core.param_cache import FromParams
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.inertial import GRAVITY_MSS
-from mav_handlers.ports import FlightTruth, GuidedTarget
+from mav_handlers.handlers.commands.flight import GuidedTarget
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.flying.descents import Land, ReturnHome
 from viso.vehicle.copter.flying.guided import Guided
@@ -34,6 +35,26 @@ if TYPE_CHECKING:
 PERIOD_US: Final = round(1e6 * PERIOD_S)
 SLOW_M_S: Final = 1.0
 LEAST_THRUST_M_S2: Final = 0.1 * GRAVITY_MSS
+
+
+@dataclass(frozen=True, slots=True)
+class FlightTruth:
+    """Where a simulated vehicle really is, and how it moves.
+
+    Attributes:
+        place: on earth, None without an EKF origin.
+        vel_ned_m_s: its velocity.
+        quat_wxyz: its attitude, body (FRD) to earth (NED).
+        rpy_rad: the same as roll, pitch and yaw.
+        acc_frd_m_s2, rates_frd_rad_s: what ideal inertial sensors say.
+    """
+
+    place: Location | None
+    vel_ned_m_s: tuple[float, float, float]
+    quat_wxyz: tuple[float, float, float, float]
+    rpy_rad: tuple[float, float, float]
+    acc_frd_m_s2: tuple[float, float, float]
+    rates_frd_rad_s: tuple[float, float, float]
 
 
 class _Mode(Protocol):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """GUIDED: where a companion says (ArduCopter/mode_guided.cpp)."""
 
-from mav_handlers.ports import GuidedTarget
+from mav_handlers.handlers.commands.flight import GuidedTarget
 from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Steering
 
 

@@ -76,7 +76,6 @@ class HilSource(VehicleSource):
         self._clear()
         self._height: float | None = None
         self._field: Array | None = None
-        self.hil = self
         self.ignored: Counter[str] = Counter()
 
     # What the sensors say
@@ -126,8 +125,12 @@ class HilSource(VehicleSource):
 
     # HIL_SENSOR
 
-    def take_hil_sensor(self, message: HIL_SENSOR, now_us: int) -> None:
+    def take_hil_sensor(self, message: HIL_SENSOR, now_us: int) -> bool:
         """Take sensors that come at a time since boot; what cannot be used is counted in ``ignored``."""
+        self._take_sensor(message, now_us)
+        return True
+
+    def _take_sensor(self, message: HIL_SENSOR, now_us: int) -> None:
         if message.fields_updated & UPDATED_RESET:
             self._sensor_time.restart()
         reason = "other_sensor" if message.id else self._sensor_time.refusal(message.time_usec)
@@ -170,8 +173,12 @@ class HilSource(VehicleSource):
 
     # HIL_STATE_QUATERNION
 
-    def take_hil_state(self, message: HIL_STATE_QUATERNION, now_us: int) -> None:
+    def take_hil_state(self, message: HIL_STATE_QUATERNION, now_us: int) -> bool:
         """Take the truth that comes at a time since boot; what cannot be used is counted in ``ignored``."""
+        self._take_state(message, now_us)
+        return True
+
+    def _take_state(self, message: HIL_STATE_QUATERNION, now_us: int) -> None:
         quat = quaternion.quaternion(*message.attitude_quaternion)
         length = quat.abs()
         reason = self._state_time.refusal(message.time_usec)

@@ -12,7 +12,7 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.reports.filter_status import FilterFlag
-from mav_handlers.ports import GuidedTarget
+from mav_handlers.handlers.commands.flight import GuidedTarget
 from tests.copies import Copies
 from tests.unit.viso.conftest import CopterRig
 from viso.vehicle.copter.copter import Copter
