@@ -10,12 +10,9 @@ Source: AP_Math/AP_Math.cpp, AP_Math/AP_Math.h, AP_Math/definitions.h.
 """
 
 import ctypes
-import importlib
 import math
 from collections.abc import Callable
-from contextvars import ContextVar, copy_context
-from functools import wraps
-from typing import Any, Final, ParamSpec, SupportsFloat, TypeVar
+from typing import Final, SupportsFloat
 
 import numpy as np
 
@@ -34,72 +31,22 @@ _ZERO: Final = f32(0)
 _ONE: Final = f32(1)
 _MINUS_ONE: Final = f32(-1)
 _MINUS_M_PI_2: Final = f32(-M_PI_2)
-_INFINITY: Final = f32(math.inf)
-_MINUS_INFINITY: Final = f32(-math.inf)
 _360: Final = f32(360)
 _M_PI_WIDE: Final = float(M_PI)
 _M_2PI_WIDE: Final = float(M_2PI)
 
-# Places in numpy's table of ufunc functions (numpy/__ufunc_api.h): PyUFunc_FromFuncAndData and PyUFunc_f_f.
-_FROM_FUNC_AND_DATA: Final = 1
-_UNARY_LOOP: Final = 6
-_FLOAT_TYPE: Final = 11  # NPY_FLOAT
-
 _Unary = Callable[[SupportsFloat], float]
 _Binary = Callable[[SupportsFloat, SupportsFloat], float]
-_Rounded = Callable[[np.float32], np.float32]
 
-_P = ParamSpec("_P")
-_T = TypeVar("_T")
-
-_WARNINGS: Final = "numpy.ufunc.extobj"
-
-
-def _silence() -> tuple[ContextVar[Any], object] | None:
-    """Return where numpy keeps of what it warns, and what stands there while that is nothing; None in other numpys."""
-    with np.errstate(all="ignore"):
-        found = [(variable, value) for variable, value in copy_context().items() if variable.name == _WARNINGS]
-    return found[0] if found else None
-
-
-_SILENCE: Final = _silence()
-
-
-def ieee754(function: Callable[_P, _T]) -> Callable[_P, _T]:
-    """Have numpy compute with infinities and NaN, which are data, without a word while a function runs."""
-    if _SILENCE is None:
-        return np.errstate(all="ignore")(function)
-    variable, silent = _SILENCE  # a quarter of the time that np.errstate takes; and nothing where numpy is silent
-
-    @wraps(function)
-    def wrapped(*args: _P.args, **kwargs: _P.kwargs) -> _T:
-        if variable.get(None) is silent:
-            return function(*args, **kwargs)
-        token = variable.set(silent)
-        try:
-            return function(*args, **kwargs)
-        finally:
-            variable.reset(token)
-
-    return wrapped
+ieee754: Final = np.errstate(all="ignore")
+"""Decorator: infinities and NaN are data, so numpy does not warn of them while the function runs."""
 
 
 def load_libm() -> ctypes.CDLL | None:
     """Return glibc's maths library, or None on a platform without glibc."""
     try:
-        return ctypes.PyDLL("libm.so.6")  # what it does is too short to let go of Python's lock
+        return ctypes.PyDLL("libm.so.6")  # its functions are too short to release Python's lock for
     except OSError:
-        return None
-
-
-def _ufunc_table() -> Any:
-    """Return numpy's table of ufunc functions, or None where this Python or numpy has none."""
-    try:
-        capsule: Any = importlib.import_module("numpy._core._multiarray_umath").__dict__["_UFUNC_API"]
-        pointer = ctypes.pythonapi.PyCapsule_GetPointer
-        pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-        return ctypes.cast(pointer(capsule, None), ctypes.POINTER(ctypes.c_void_p))
-    except (ImportError, AttributeError, KeyError, ValueError):
         return None
 
 
@@ -142,74 +89,43 @@ def bind_atan2(libm: ctypes.CDLL | None) -> _Binary:
     return function
 
 
-# Numbers reach a C function through a ufunc of numpy in a third of the time that they take through ctypes.
-_ufunc_parts: Final[list[Any]] = []  # which numpy does not keep alive
-
-
-def bind_rounded(libm: ctypes.CDLL | None, table: Any, name: str) -> _Rounded:
-    """Return the C library's float function ``name``, or its binary64 stand-in, with a result of float32.
-
-    As any ufunc it may warn of an argument of which the function is not defined.
-    """
-    if libm is None or table is None:
-        function = bind_unary(libm, name)
-        return lambda x: _ONE * function(x)
-    pointers, result, text = ctypes.POINTER(ctypes.c_void_p), ctypes.py_object, ctypes.c_char_p
-    make = ctypes.PYFUNCTYPE(result, pointers, pointers, text, *[ctypes.c_int] * 4, text, text, ctypes.c_int)
-    loops = (ctypes.c_void_p * 1)(table[_UNARY_LOOP])
-    functions = (ctypes.c_void_p * 1)(ctypes.cast(libm[name], ctypes.c_void_p).value)
-    types, label = bytes((_FLOAT_TYPE, _FLOAT_TYPE)), name.encode()
-    _ufunc_parts.append((loops, functions, types, label))
-    ufunc: _Rounded = make(table[_FROM_FUNC_AND_DATA])(loops, functions, types, 1, 1, 1, -1, label, label, 0)
-    return ufunc
-
-
 LIBM: Final = load_libm()
-_TABLE: Final = _ufunc_table()
-_sinf = bind_rounded(LIBM, _TABLE, "sinf")
-_cosf = bind_rounded(LIBM, _TABLE, "cosf")
-_asinf = bind_rounded(LIBM, _TABLE, "asinf")
-_cbrtf = bind_rounded(LIBM, _TABLE, "cbrtf")
-_other_sinf = bind_unary(LIBM, "sinf")
-_other_cosf = bind_unary(LIBM, "cosf")
-_other_asinf = bind_unary(LIBM, "asinf")
-_other_sqrtf = bind_unary(LIBM, "sqrtf")
-_other_cbrtf = bind_unary(LIBM, "cbrtf")
+_sinf = bind_unary(LIBM, "sinf")
+_cosf = bind_unary(LIBM, "cosf")
+_asinf = bind_unary(LIBM, "asinf")
+_sqrtf = bind_unary(LIBM, "sqrtf")
+_cbrtf = bind_unary(LIBM, "cbrtf")
 _atan2f = bind_atan2(LIBM)
-
-# Below, ``_ONE * x`` rounds a Python float to float32 as ``f32(x)`` does, in a third of the time. Where a function is
-# not defined, ctypes calls it, so that the NaN is the C library's and numpy does not warn.
 
 
 def sinf(x: np.float32) -> np.float32:
     """Return the sine of ``x`` radians."""
-    return _sinf(x) if _MINUS_INFINITY < x < _INFINITY else _ONE * _other_sinf(x)
+    return f32(_sinf(x))
 
 
 def cosf(x: np.float32) -> np.float32:
     """Return the cosine of ``x`` radians."""
-    return _cosf(x) if _MINUS_INFINITY < x < _INFINITY else _ONE * _other_cosf(x)
+    return f32(_cosf(x))
 
 
 def asinf(x: np.float32) -> np.float32:
     """Return the arc sine of ``x`` in radians; NaN outside -1..1."""
-    return _asinf(x) if _MINUS_ONE <= x <= _ONE else _ONE * _other_asinf(x)
+    return f32(_asinf(x))
 
 
 def sqrtf(x: np.float32) -> np.float32:
     """Return the square root of ``x``; NaN below zero."""
-    # A root in binary64 that is rounded once more is the right one in float32.
-    return _ONE * (math.sqrt(x) if x >= _ZERO else _other_sqrtf(x))
+    return f32(_sqrtf(x))
 
 
 def cbrtf(x: np.float32) -> np.float32:
     """Return the cube root of ``x``."""
-    return _ONE * _other_cbrtf(x) if math.isnan(x) else _cbrtf(x)
+    return f32(_cbrtf(x))
 
 
 def atan2f(y: np.float32, x: np.float32) -> np.float32:
     """Return the angle of the point (x, y) in radians, -pi..pi."""
-    return _ONE * _atan2f(y, x)
+    return f32(_atan2f(y, x))
 
 
 def _fmod(x: float, y: float) -> float:

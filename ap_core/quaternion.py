@@ -45,10 +45,10 @@ class Quaternion:
         q4: float | np.float32 = 0.0,
     ):
         # As in Vector3f.
-        self.q1 = q1 if type(q1) is f32 else _ONE * q1 if type(q1) is float else f32(q1)
-        self.q2 = q2 if type(q2) is f32 else _ONE * q2 if type(q2) is float else f32(q2)
-        self.q3 = q3 if type(q3) is f32 else _ONE * q3 if type(q3) is float else f32(q3)
-        self.q4 = q4 if type(q4) is f32 else _ONE * q4 if type(q4) is float else f32(q4)
+        self.q1 = q1 if type(q1) is f32 else f32(q1)
+        self.q2 = q2 if type(q2) is f32 else f32(q2)
+        self.q3 = q3 if type(q3) is f32 else f32(q3)
+        self.q4 = q4 if type(q4) is f32 else f32(q4)
         self._yaw: np.float32 | None = None
 
     def __repr__(self) -> str:

@@ -8,8 +8,6 @@ import numpy as np
 
 from ap_core.fmath import f32, norm3
 
-_ONE = f32(1)
-
 
 class Vector3f:
     """A vector of three float32 values; treat it as immutable, every operation returns a new one.
@@ -20,10 +18,10 @@ class Vector3f:
     __slots__ = ("x", "y", "z")
 
     def __init__(self, x: float | np.float32 = 0.0, y: float | np.float32 = 0.0, z: float | np.float32 = 0.0):
-        # Most are float32 already; asking costs a tenth of converting. A product rounds as f32() does, and faster.
-        self.x = x if type(x) is f32 else _ONE * x if type(x) is float else f32(x)
-        self.y = y if type(y) is f32 else _ONE * y if type(y) is float else f32(y)
-        self.z = z if type(z) is f32 else _ONE * z if type(z) is float else f32(z)
+        # Most are float32 already; to ask costs a tenth of a conversion.
+        self.x = x if type(x) is f32 else f32(x)
+        self.y = y if type(y) is f32 else f32(y)
+        self.z = z if type(z) is f32 else f32(z)
 
     def __repr__(self) -> str:
         return f"Vector3f({self.x}, {self.y}, {self.z})"

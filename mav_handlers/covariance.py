@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.fmath import cbrtf, f32, ieee754, sqrtf
+from ap_core.fmath import cbrtf, f32, sqrtf
 
 _VARIANCES: Final = itemgetter(0, 6, 11, 15, 18, 20)  # of x, y, z, then of roll, pitch and yaw
-_ZERO, _ONE = f32(0), f32(1)  # a product with the latter rounds to float32 as f32() does, and faster
+_ZERO = f32(0)
 
 ErrorFormula = Callable[[np.float32, np.float32, np.float32], np.float32]
 """Makes one error (m or rad) of three variances (m^2 or rad^2)."""
@@ -34,7 +34,6 @@ def root_of_sum(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
     return sqrtf(a + b + c)
 
 
-@ieee754
 def pose_errors(
     covariance: Sequence[float], formula: ErrorFormula = cube_root_of_squares
 ) -> tuple[np.float32, np.float32]:
@@ -44,11 +43,10 @@ def pose_errors(
     """
     if math.isnan(covariance[0]):
         return _ZERO, _ZERO
-    a, b, c, d, e, f = map(float, _VARIANCES(covariance))
-    return formula(_ONE * a, _ONE * b, _ONE * c), formula(_ONE * d, _ONE * e, _ONE * f)
+    a, b, c, d, e, f = map(f32, _VARIANCES(covariance))
+    return formula(a, b, c), formula(d, e, f)
 
 
-@ieee754
 def velocity_error(covariance: Sequence[float]) -> np.float32:
     """Return the error of a velocity (m/s) from the 9 elements of its covariance: the root of the sum of variances.
 
@@ -56,8 +54,8 @@ def velocity_error(covariance: Sequence[float]) -> np.float32:
 
     Source: GCS_MAVLINK::handle_vision_speed_estimate, in the master of April 2026.
     """
-    x, y, z = map(float, (covariance[0], covariance[4], covariance[8]))
-    return _ZERO if math.isnan(x) else root_of_sum(_ONE * x, _ONE * y, _ONE * z)
+    x, y, z = map(f32, (covariance[0], covariance[4], covariance[8]))
+    return _ZERO if math.isnan(x) else root_of_sum(x, y, z)
 
 
 def no_velocity_error(_covariance: Sequence[float]) -> np.float32:

@@ -57,7 +57,6 @@ def time_ms_of(remote_time_us: int) -> int:
     return u32(int(float_of_u64(remote_time_us) * _MILLI))
 
 
-@ieee754
 def convert_transform(transform: Transform) -> tuple[Vector3f, Quaternion]:
     """Return the position (m, NED or FRD) and the attitude, which may be of any length.
 
@@ -73,6 +72,7 @@ def is_odometry_frame(transform: Transform) -> bool:
     return transform.frame_id == ODOM_PARENT and transform.child_frame_id == ODOM_CHILD
 
 
+@ieee754
 def receive_transforms(vehicle: Vehicle, transforms: Sequence[Transform]) -> list[Verdict]:
     """Take a TFMessage of the topic /ap/tf; return a verdict for each transform, or the one on the whole message.
 
@@ -86,7 +86,6 @@ def receive_transforms(vehicle: Vehicle, transforms: Sequence[Transform]) -> lis
     return [_handle_external_odom(vehicle, transform) for transform in transforms]
 
 
-@ieee754
 def _handle_external_odom(vehicle: Vehicle, transform: Transform) -> Verdict:
     """Take one transform (AP_DDS_External_Odom::handle_external_odom)."""
     if not is_odometry_frame(transform):

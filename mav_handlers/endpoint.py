@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ap_core.cint import u8, u32
+from ap_core.fmath import ieee754
 from ap_core.param import ParamEcho
 from ap_core.param_cache import FromParams
 from ap_core.verdict import Outcome, Verdict
@@ -147,6 +148,7 @@ class MavEndpoint:
         self.routes.forget(channel.index)
         self._log_transfer.forget(channel.index)
 
+    @ieee754
     def receive_bytes(self, channel: Channel, data: bytes, now_us: int, read_us: int | None = None) -> None:
         """Handle what a link delivered.
 

@@ -43,7 +43,6 @@ _ONLY_XKF4: Final = 1  # of EK3_LOG_LEVEL
 _NOTHING: Final = 3
 _STATES_OF_XKV1: Final = 12
 _U32: Final = 0xFFFFFFFF  # of times in ms, which wrap
-_ONE: Final = f32(1)
 _100: Final = f32(100)
 _HIGHEST_M: Final = 327.67  # of a height in cm, of 16 bits
 _FULL_TURN_CDEG: Final = f32(36000)
@@ -158,7 +157,7 @@ def _heading_cdeg(yaw_deg: np.float32) -> int:
 @ieee754
 def _xkf4(report: CoreReport, primary: int) -> Values:
     ratios = (report.vel_ratio, report.pos_ratio, report.height_ratio, max(report.mag_ratio, report.yaw_ratio))
-    roots = [_ONE * math.sqrt(ratio) for ratio in ratios]  # single precision, in which the firmware scales them
+    roots = [f32(math.sqrt(ratio)) for ratio in ratios]  # single precision, in which the firmware scales them
     health = (report.faults, report.timeouts, report.flags)
     return (*roots, 0, report.tilt_error_rad, *report.moved_ne, *health, 0, primary)
 

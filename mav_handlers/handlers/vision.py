@@ -9,7 +9,7 @@ handle_vision_position_delta).
 
 from typing import Final
 
-from ap_core.fmath import f32, ieee754
+from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
@@ -32,7 +32,6 @@ MAV_FRAME_LOCAL_FRD: Final = 20
 _EulerPose = VISION_POSITION_ESTIMATE | GLOBAL_VISION_POSITION_ESTIMATE | VICON_POSITION_ESTIMATE
 
 
-@ieee754
 def handle_vision_position_estimate(ctx: Context, message: _EulerPose) -> Verdict:
     """Take a pose with Euler angles; VICON_POSITION_ESTIMATE has no reset counter, none of them a quality."""
     timestamp_ms = ctx.correct_time_ms(type(message), message.usec)
@@ -50,7 +49,6 @@ def handle_vision_position_estimate(ctx: Context, message: _EulerPose) -> Verdic
     )
 
 
-@ieee754
 def handle_att_pos_mocap(ctx: Context, message: ATT_POS_MOCAP) -> Verdict:
     """Take a pose with a quaternion; what its covariance is good for depends on the release."""
     timestamp_ms = ctx.correct_time_ms(ATT_POS_MOCAP, message.time_usec)
@@ -73,7 +71,6 @@ def odometry_frames_accepted(message: ODOMETRY) -> bool:
     return message.frame_id == MAV_FRAME_LOCAL_FRD and message.child_frame_id == MAV_FRAME_BODY_FRD
 
 
-@ieee754
 def handle_odometry(ctx: Context, message: ODOMETRY) -> Verdict:
     """Take a pose, then the velocity turned by the message's own quaternion; one time correction serves both."""
     if not odometry_frames_accepted(message):
