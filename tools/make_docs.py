@@ -38,7 +38,7 @@ from mav_handlers.wire.codec import full_length, message_id
 from mav_handlers.wire.messages import MESSAGES
 from tools import ekf_sources, pictures, rooms_picture, terminal_picture
 from viso.cli import COMMANDS as CLI_COMMANDS
-from viso.cli import command_function, make_app
+from viso.cli import make_app
 from viso.companion.engine import protocol as engine_protocol
 from viso.companion.sources.kinds import SOURCES
 from viso.companion.vio.config import VioConfig
@@ -155,8 +155,8 @@ def _links() -> Iterator[tuple[str, ...]]:
 
 
 def _cli() -> Iterator[tuple[str, ...]]:
-    for name in CLI_COMMANDS:
-        yield f"[`viso {name}`](#viso-{name})", first_line(command_function(name))
+    for name, line in CLI_COMMANDS.items():
+        yield f"[`viso {name}`](#viso-{name})", line
 
 
 def _command_sections() -> Iterator[str]:

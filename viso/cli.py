@@ -2,10 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ``viso`` command: one row per subcommand; only the requested one is imported."""
 
-import ast
-import atexit
 import contextlib
-import gc
 import io
 import os
 import signal
@@ -13,14 +10,11 @@ import sys
 from collections.abc import Callable, Mapping
 from functools import wraps
 from importlib import import_module
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
 from typer.core import TyperGroup
 
-from viso.terminal.long_lived import uncollected
 from viso.terminal.printable import printable_output
 
 EXIT_USAGE: Final = 2
@@ -28,40 +22,44 @@ EXIT_TERMINATED: Final = 128 + signal.SIGTERM
 HELP: Final = "The autopilot's end of ArduPilot external navigation."
 
 COMMANDS: Final[Mapping[str, str]] = {
-    "demo": "viso.commands.demo",
-    "serve": "viso.commands.serve",
-    "replay": "viso.commands.replay",
-    "doctor": "viso.commands.doctor",
-    "vio": "viso.commands.vio",
-    "engine": "viso.commands.engine",
-    "play": "viso.commands.play",
-    "record": "viso.commands.record",
-    "landmarks": "viso.commands.landmarks",
-    "faults": "viso.commands.faults",
-    "report": "viso.commands.report",
-    "ekf": "viso.commands.ekf",
-    "compare": "viso.commands.compare",
-    "vectors": "viso.commands.vectors",
-    "sweep": "viso.commands.sweep",
+    "demo": "Fly a survey in virtual time, navigating by what a camera sees of the ground.",
+    "serve": (
+        "Be the autopilot: a vehicle that takes external navigation, estimates its state and answers as "
+        "ArduCopter does."
+    ),
+    "replay": "Feed a recorded stream to the autopilot at its arrival times, and tell the outcome of each message.",
+    "doctor": "Tell what the autopilot would do with a stream of external navigation, and what to change.",
+    "vio": "Work out from pictures and inertial data where a vehicle is, and send it to the autopilot if there is one.",
+    "engine": "Print the folder of viso_engine.hpp, which makes a program for viso vio --engine of an engine in C++.",
+    "play": "Play the trajectory that an odometry or a motion capture recorded, as a companion computer would send it.",
+    "record": (
+        "Play a scenario to a running autopilot and record what it does, in the formats that viso "
+        "replay and doctor read."
+    ),
+    "landmarks": (
+        "Compare where landmarks and aircraft are seen with where they should be, and tell if heading or time is off."
+    ),
+    "faults": "Put faults into a stream: as a proxy between two links, or from a recorded stream into a file.",
+    "report": "Tell what a log of a flight holds about external navigation, as a page with figures.",
+    "ekf": (
+        "Run the filter over the replay records of a log (LOG_REPLAY), and tell how near it comes to "
+        "the log's estimates."
+    ),
+    "compare": (
+        "Play recordings of an autopilot through viso, and tell which fields differ: does it behave as viso says?"
+    ),
+    "vectors": "Recompute every output of recorded firmware behaviour with the port.",
+    "sweep": (
+        "Replay recorded streams many times with other parameters, faults, seeds or firmware, and tell what is best."
+    ),
 }
-"""The module of each command; the function in it has the name of the command."""
+"""The commands, each with the first line of its help. ``viso.commands.NAME`` has the function NAME."""
 
 
 def command_function(name: str) -> Callable[..., Any]:
     """Import a command and return its function."""
-    with uncollected():
-        function: Callable[..., Any] = getattr(import_module(COMMANDS[name]), name)
+    function: Callable[..., Any] = getattr(import_module(f"viso.commands.{name}"), name)
     return function
-
-
-def command_help(name: str) -> str:
-    """Return the help of a command out of its source: to import them all for a list of them takes long."""
-    spec = find_spec(COMMANDS[name])
-    if spec is None or spec.origin is None:
-        return ""
-    body = ast.parse(Path(spec.origin).read_bytes()).body
-    functions = (node for node in body if isinstance(node, ast.FunctionDef) and node.name == name)
-    return next((ast.get_docstring(function) or "" for function in functions), "")
 
 
 def _discard_output() -> None:
@@ -85,22 +83,16 @@ def _ending_with_its_reader(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _not_imported() -> None:
-    """Stand for a command that nobody has asked for."""
+    """Stand for a command that is listed, and not run."""
 
 
 class _Commands(TyperGroup):
-    """The commands: known by name alone until one is run, or until they are listed."""
+    """The commands: only the one that is run is imported."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the name, the command itself in place of what stands for it, and its arguments."""
+        """Return the name, the imported command, and its arguments."""
         name, _, rest = super().resolve_command(ctx, args)
         return name, None if name is None else _command(name), rest
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the list of the commands."""
-        for name, command in self.commands.items():
-            command.help = command_help(name)
-        super().format_commands(ctx, formatter)
 
 
 def _command(name: str) -> Any:
@@ -143,8 +135,8 @@ def make_app() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback(help=HELP)(_program)
-    for name in COMMANDS:
-        app.command(name)(_not_imported)
+    for name, line in COMMANDS.items():
+        app.command(name, help=line)(_not_imported)
     return app
 
 
@@ -161,7 +153,6 @@ def _reported() -> tuple[type[Exception], ...]:
 def main() -> None:
     """Run the command line: exit code 0 fine, 1 findings or losses, 2 usage or unreadable input."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(EXIT_TERMINATED))  # after drafts of outputs are removed
-    atexit.register(gc.freeze)  # at the end everything goes anyway; to look through it for cycles first takes long
     try:
         make_app()()
     except OSError as error:

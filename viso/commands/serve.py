@@ -39,7 +39,6 @@ from viso.terminal.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.terminal.line_writer import LineWriter
 from viso.terminal.live_counts import REFRESH_US, LiveCounts
 from viso.terminal.live_report import LiveReport
-from viso.terminal.long_lived import long_lived
 from viso.terminal.message_intervals import load_message_intervals
 from viso.terminal.outputs import Output
 from viso.terminal.presets import PRESET_HELP, preset_files
@@ -276,7 +275,6 @@ def serve(
             return bool(stop) or any(stream.reader_left for stream in streams)
 
         until_us = None if duration is None else int(duration * 1e6)
-        stack.enter_context(long_lived())
         pacer = Pacer(powered, links if view is None else view.links, speedup=speedup, beside=graphs)
         pacer.run(is_over, until_us=until_us)
     losses = [f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()]

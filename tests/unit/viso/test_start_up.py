@@ -21,6 +21,7 @@ HEAVY: Final = {
     *("pymavlink.mavutil", "pymavlink.dialects.v10.all", "pymavlink.dialects.v20.development", "rich.progress"),
     "quaternion",
 }
+COMMAND_MODULES: Final = {f"viso.commands.{name}" for name in COMMANDS}
 EACH: Final = """
 import sys
 from viso.cli import COMMANDS, command_function
@@ -71,14 +72,14 @@ def test_package_alone_imports_nothing_heavy() -> None:
 @pytest.mark.slow
 def test_help_of_a_command_imports_no_other_command() -> None:
     done = subprocess.run(program("serve", "-h"), capture_output=True, text=True, check=True, timeout=60)
-    assert listed(done.stderr).intersection(COMMANDS.values()) == {COMMANDS["serve"]}
+    assert listed(done.stderr) & COMMAND_MODULES == {"viso.commands.serve"}
 
 
 def test_the_list_of_commands_imports_none_of_them() -> None:
     done = subprocess.run(program("-h"), capture_output=True, text=True, check=True, timeout=60)
     modules = listed(done.stderr)
     assert "viso.cli" in modules
-    assert modules & {*COMMANDS.values(), "numpy", "pymavlink", "rich"} == set()
+    assert modules & {*COMMAND_MODULES, "numpy", "pymavlink", "rich"} == set()
 
 
 @pytest.mark.slow

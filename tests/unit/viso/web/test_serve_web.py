@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``viso serve --web``."""
 
-import gc
 import sys
 
 import pytest
 
 from tests.places import ROOT
 from tests.unit.viso.command_line import Viso, failed_with
-from viso.terminal import long_lived
 from viso.web.desk import ACTIONS
 from viso.web.faults import SWITCHES
 from viso.web.live_view import LiveView
@@ -59,12 +57,3 @@ def test_page_names_every_command_and_every_fault() -> None:
     text = PAGE.read_text(encoding="utf-8")
     assert [action.label for action in ACTIONS if f"| {action.label} |" not in text] == []
     assert [switch.label for switch in SWITCHES if f"| {switch.label} | {switch.about} |" not in text] == []
-
-
-@pytest.mark.slow
-def test_what_is_there_for_good_is_kept_from_the_collector_for_as_long() -> None:
-    frozen = gc.get_freeze_count()
-    with long_lived.long_lived():
-        during = gc.get_freeze_count()
-    assert gc.get_freeze_count() == frozen
-    assert during == frozen or frozen == 0 < during
