@@ -2,19 +2,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shared floor without I/O: float32 maths, C integers, clock, parameters and DataFlash records."""
 
-from typing import TYPE_CHECKING
-
-from ap_core.lazy import lazily
-
-if TYPE_CHECKING:
-    from ap_core.clock import Clock, VirtualClock
-    from ap_core.internal_error import InternalError, InternalErrors
-    from ap_core.matrix3 import Matrix3f
-    from ap_core.param import ParamTable
-    from ap_core.quaternion import Quaternion
-    from ap_core.sinks import RecordSink, TextSink
-    from ap_core.vector3 import Vector3f
-    from ap_core.verdict import Outcome, Rule, Verdict
+from ap_core.clock import Clock, VirtualClock
+from ap_core.internal_error import InternalError, InternalErrors
+from ap_core.matrix3 import Matrix3f
+from ap_core.param import ParamTable
+from ap_core.quaternion import Quaternion
+from ap_core.sinks import RecordSink, TextSink
+from ap_core.vector3 import Vector3f
+from ap_core.verdict import Outcome, Rule, Verdict
 
 __all__ = [
     "Clock",
@@ -31,5 +26,3 @@ __all__ = [
     "Verdict",
     "VirtualClock",
 ]
-
-__getattr__, __dir__ = lazily(__name__)

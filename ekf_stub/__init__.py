@@ -2,15 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Stand-ins for the AHRS and EKF that receive external navigation data."""
 
-from typing import TYPE_CHECKING
-
-from ap_core.lazy import lazily
-
-if TYPE_CHECKING:
-    from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-    from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
-    from ekf_stub.ahrs.ahrs_settable import SettableAhrs
+from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
+from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
+from ekf_stub.ahrs.ahrs_settable import SettableAhrs
 
 __all__ = ["Ekf3Ahrs", "RecordedAhrs", "RecordedStates", "SettableAhrs"]
-
-__getattr__, __dir__ = lazily(__name__)

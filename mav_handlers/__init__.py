@@ -2,57 +2,52 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """MAVLink endpoint without I/O, and the thin links around it."""
 
-from typing import TYPE_CHECKING
-
-from ap_core.lazy import lazily
-
-if TYPE_CHECKING:
-    from ap_core.verdict import Outcome, Rule, Verdict
-    from mav_handlers.endpoint import MavEndpoint, MessageEvent
-    from mav_handlers.wire.codec import BadData, Codec
-    from mav_handlers.wire.messages import (
-        ATT_POS_MOCAP,
-        ATTITUDE,
-        AUTOPILOT_VERSION,
-        COMMAND_ACK,
-        COMMAND_INT,
-        COMMAND_LONG,
-        DISTANCE_SENSOR,
-        EKF_STATUS_REPORT,
-        GLOBAL_POSITION_INT,
-        GLOBAL_VISION_POSITION_ESTIMATE,
-        GPS_GLOBAL_ORIGIN,
-        GPS_INPUT,
-        HEARTBEAT,
-        HIGHRES_IMU,
-        HIL_SENSOR,
-        HIL_STATE_QUATERNION,
-        HOME_POSITION,
-        LANDING_TARGET,
-        LOCAL_POSITION_NED,
-        MESSAGE_INTERVAL,
-        ODOMETRY,
-        OPTICAL_FLOW,
-        PARAM_REQUEST_LIST,
-        PARAM_REQUEST_READ,
-        PARAM_SET,
-        PARAM_VALUE,
-        RAW_IMU,
-        SCALED_IMU,
-        SCALED_PRESSURE,
-        SET_GPS_GLOBAL_ORIGIN,
-        SET_HOME_POSITION,
-        SET_MODE,
-        STATUSTEXT,
-        SYS_STATUS,
-        SYSTEM_TIME,
-        TIMESYNC,
-        VICON_POSITION_ESTIMATE,
-        VISION_POSITION_DELTA,
-        VISION_POSITION_ESTIMATE,
-        VISION_SPEED_ESTIMATE,
-        Message,
-    )
+from ap_core.verdict import Outcome, Rule, Verdict
+from mav_handlers.endpoint import MavEndpoint, MessageEvent
+from mav_handlers.wire.codec import BadData, Codec
+from mav_handlers.wire.messages import (
+    ATT_POS_MOCAP,
+    ATTITUDE,
+    AUTOPILOT_VERSION,
+    COMMAND_ACK,
+    COMMAND_INT,
+    COMMAND_LONG,
+    DISTANCE_SENSOR,
+    EKF_STATUS_REPORT,
+    GLOBAL_POSITION_INT,
+    GLOBAL_VISION_POSITION_ESTIMATE,
+    GPS_GLOBAL_ORIGIN,
+    GPS_INPUT,
+    HEARTBEAT,
+    HIGHRES_IMU,
+    HIL_SENSOR,
+    HIL_STATE_QUATERNION,
+    HOME_POSITION,
+    LANDING_TARGET,
+    LOCAL_POSITION_NED,
+    MESSAGE_INTERVAL,
+    ODOMETRY,
+    OPTICAL_FLOW,
+    PARAM_REQUEST_LIST,
+    PARAM_REQUEST_READ,
+    PARAM_SET,
+    PARAM_VALUE,
+    RAW_IMU,
+    SCALED_IMU,
+    SCALED_PRESSURE,
+    SET_GPS_GLOBAL_ORIGIN,
+    SET_HOME_POSITION,
+    SET_MODE,
+    STATUSTEXT,
+    SYS_STATUS,
+    SYSTEM_TIME,
+    TIMESYNC,
+    VICON_POSITION_ESTIMATE,
+    VISION_POSITION_DELTA,
+    VISION_POSITION_ESTIMATE,
+    VISION_SPEED_ESTIMATE,
+    Message,
+)
 
 __all__ = [
     "ATTITUDE",
@@ -104,5 +99,3 @@ __all__ = [
     "Rule",
     "Verdict",
 ]
-
-__getattr__, __dir__ = lazily(__name__)

@@ -2,38 +2,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The companion computer's side of the wire."""
 
-from typing import TYPE_CHECKING
-
-from ap_core.lazy import lazily
-
-if TYPE_CHECKING:
-    from viso.companion.odometry.sender import OdometrySender
-    from viso.companion.odometry.source import OdometrySource
-    from viso.companion.sender import OffsetClock
-    from viso.companion.vio.config import VioConfig, load_config
-    from viso.companion.vio.errors import (
-        StrategyNotAvailableError,
-        VioDegradedError,
-        VioError,
-        VioFatalError,
-        VioInitializingError,
-    )
-    from viso.companion.vio.health import FrameFacts, Growth
-    from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy
-    from viso.companion.vio.strategy import FrameReport, StrategyBase, StrategyContext
-    from viso.companion.vio.types import (
-        CameraCalibration,
-        FeatureQuality,
-        ImuBias,
-        ImuSample,
-        ImuWindow,
-        NavCameraFrame,
-        VioHealth,
-        VioOutput,
-        VioState,
-        WarmStartPose,
-    )
-    from viso.geometry.se3 import SE3
+from viso.companion.odometry.sender import OdometrySender
+from viso.companion.odometry.source import OdometrySource
+from viso.companion.sender import OffsetClock
+from viso.companion.vio.config import VioConfig, load_config
+from viso.companion.vio.errors import (
+    StrategyNotAvailableError,
+    VioDegradedError,
+    VioError,
+    VioFatalError,
+    VioInitializingError,
+)
+from viso.companion.vio.health import FrameFacts, Growth
+from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy
+from viso.companion.vio.strategy import FrameReport, StrategyBase, StrategyContext
+from viso.companion.vio.types import (
+    CameraCalibration,
+    FeatureQuality,
+    ImuBias,
+    ImuSample,
+    ImuWindow,
+    NavCameraFrame,
+    VioHealth,
+    VioOutput,
+    VioState,
+    WarmStartPose,
+)
+from viso.geometry.se3 import SE3
 
 __all__ = [
     "SE3",
@@ -66,5 +61,3 @@ __all__ = [
     "build_vio_strategy",
     "load_config",
 ]
-
-__getattr__, __dir__ = lazily(__name__)

@@ -2,16 +2,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`viso doctor`: what the autopilot would do with a stream of external navigation, and what to change."""
 
-from typing import TYPE_CHECKING
-
-from ap_core.lazy import lazily
-
-if TYPE_CHECKING:
-    from viso.doctor.evidence import Evidence, SeenMessage
-    from viso.doctor.findings import Finding, Rule, Severity, Sighting, diagnose, error, note, warning
-    from viso.doctor.gathering import GatherOptions, gather
-    from viso.doctor.measures.own_filter import Witness
-    from viso.doctor.rules import RULES, all_rules
+from viso.doctor.evidence import Evidence, SeenMessage
+from viso.doctor.findings import Finding, Rule, Severity, Sighting, diagnose, error, note, warning
+from viso.doctor.gathering import GatherOptions, gather
+from viso.doctor.measures.own_filter import Witness
+from viso.doctor.rules import RULES, all_rules
 
 __all__ = [
     "RULES",
@@ -30,5 +25,3 @@ __all__ = [
     "note",
     "warning",
 ]
-
-__getattr__, __dir__ = lazily(__name__)

@@ -2,15 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """DataFlash on disk: writing, numbering, serving, reading back."""
 
-from typing import TYPE_CHECKING
-
-from ap_core.lazy import lazily
-
-if TYPE_CHECKING:
-    from viso.logs.files import LogFile, LogStore
-    from viso.logs.recorded import read_columns, read_recorded_states
-    from viso.logs.sink import LogSink, MemoryLog
+from viso.logs.files import LogFile, LogStore
+from viso.logs.recorded import read_columns, read_recorded_states
+from viso.logs.sink import LogSink, MemoryLog
 
 __all__ = ["LogFile", "LogSink", "LogStore", "MemoryLog", "read_columns", "read_recorded_states"]
-
-__getattr__, __dir__ = lazily(__name__)

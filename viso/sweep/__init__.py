@@ -2,15 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`viso sweep`: many replays of streams with changed parameters, faults, seeds and firmware, and their results."""
 
-from typing import TYPE_CHECKING
-
-from ap_core.lazy import lazily
-
-if TYPE_CHECKING:
-    from viso.sweep.job import run_point
-    from viso.sweep.planning import make_plan
-    from viso.sweep.request import Wishes
+from viso.sweep.job import run_point
+from viso.sweep.planning import make_plan
+from viso.sweep.request import Wishes
 
 __all__ = ["Wishes", "make_plan", "run_point"]
-
-__getattr__, __dir__ = lazily(__name__)

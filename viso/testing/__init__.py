@@ -2,16 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The emulated autopilot for tests; pytest's fixtures return these objects."""
 
-from typing import TYPE_CHECKING
-
-from ap_core.lazy import lazily
-
-if TYPE_CHECKING:
-    from viso.testing.autopilot import Autopilot
-    from viso.testing.observations import MessageVerdict, Record, SampleFate, StatusText
-    from viso.testing.options import AutopilotOptions
-    from viso.testing.udp_autopilot import UdpAutopilot
+from viso.testing.autopilot import Autopilot
+from viso.testing.observations import MessageVerdict, Record, SampleFate, StatusText
+from viso.testing.options import AutopilotOptions
+from viso.testing.udp_autopilot import UdpAutopilot
 
 __all__ = ["Autopilot", "AutopilotOptions", "MessageVerdict", "Record", "SampleFate", "StatusText", "UdpAutopilot"]
-
-__getattr__, __dir__ = lazily(__name__)

@@ -3,17 +3,12 @@
 """Engines that are programs: their protocol, their process, and a base class for new ones."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from ap_core.lazy import lazily
-
-if TYPE_CHECKING:
-    from viso.companion.engine.program import EngineProgram, run
-    from viso.companion.engine.protocol import Capability, Reset, Setup, Status
+from viso.companion.engine.program import EngineProgram, run
+from viso.companion.engine.protocol import Capability, Reset, Setup, Status
 
 __all__ = ["INCLUDE_DIR", "Capability", "EngineProgram", "Reset", "Setup", "Status", "run"]
 
 INCLUDE_DIR: Final = Path(__file__).parent
 """Where ``viso_engine.hpp`` is."""
-
-__getattr__, __dir__ = lazily(__name__)
