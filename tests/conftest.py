@@ -3,17 +3,14 @@
 """Fixtures for every test: an AP_VisualOdom whose surroundings are settable and remembered."""
 
 import gc
-import logging
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 import threadpoolctl
-from _pytest.logging import LogCaptureHandler, caplog_handler_key, catching_logs
-from _pytest.runner import runtestprotocol
 from hypothesis import settings
 
 from ap_core.clock import VirtualClock
@@ -33,20 +30,15 @@ WHOLE = settings(deadline=None, derandomize=os.environ.get("CI") == "true")
 settings.register_profile("whole", WHOLE, max_examples=50)
 settings.register_profile("usual", WHOLE, max_examples=10)
 
-WORTH_TELLING_S = 0.005
-"""How long a setup or teardown takes of which the duration is told."""
-
 
 def pytest_configure(config: pytest.Config) -> None:
     """Draw fewer examples when slow tests are left out, and save time that nothing is tested in.
 
     Linear algebra gets one thread: a second one, for matrices as small as these, only waits, and by spinning. The
-    garbage collector comes less often: collecting twelve thousand tests makes nothing that it could free. What is
-    logged is not printed.
+    garbage collector runs less often: the collection of twelve thousand tests makes nothing that it could free.
     """
     settings.load_profile("usual" if "not slow" in config.option.markexpr else "whole")
     threadpoolctl.threadpool_limits(limits=1, user_api="blas")
-    logging.getLogger().addHandler(logging.NullHandler())
     gc.set_threshold(100_000, 50, 100)
 
 
@@ -67,28 +59,6 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def pytest_collection_finish() -> None:
     """Keep the garbage collector from what is there before the first test: it is large, and stays to the end."""
     gc.freeze()
-    gc.set_threshold(100_000, 50, 100)
-
-
-def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool:
-    """Run a test, and tell of its setup and teardown only if there is something to tell, and not that it begins.
-
-    What is told goes from one process to another, and that takes longer than most of the tests.
-    """
-    for report in runtestprotocol(item, log=False, nextitem=nextitem):
-        if report.when == "call" or not report.passed or report.duration > WORTH_TELLING_S:
-            item.ihook.pytest_runtest_logreport(report=report)
-    return True
-
-
-@pytest.fixture
-def caplog(request: pytest.FixtureRequest) -> Iterator[pytest.LogCaptureFixture]:
-    """Return what is logged. The plug-in of pytest would listen to every logger there is, six times for each test."""
-    with catching_logs(LogCaptureHandler()) as handler:
-        request.node.stash[caplog_handler_key] = handler
-        logged = pytest.LogCaptureFixture(request.node, _ispytest=True)
-        yield logged
-        logged._finalize()
 
 
 Record = tuple[str, dict[str, LogValue]]
