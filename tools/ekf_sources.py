@@ -16,9 +16,9 @@ from ekf_stub.ahrs.source_check import (
     WHEEL_ENCODER,
 )
 from ekf_stub.inputs.sources import SourceXY, SourceYaw, SourceZ
-from viso.doctor.rules import RULES
+from viso.doctor.checks import CHECKS
 
-_CODES: Final = frozenset(rule.code for rule in RULES)
+_CODES: Final = frozenset(check.code for check in CHECKS)
 _NAMES: Final[Mapping[str, type[SourceXY] | type[SourceYaw] | type[SourceZ]]] = {
     "POSXY": SourceXY,
     "VELXY": SourceXY,
@@ -73,7 +73,7 @@ _TOLD: Final[Mapping[tuple[str, int], tuple[str, ...]]] = {
 def rows() -> Iterator[tuple[str, ...]]:
     """Yield parameter, value, what it needs, the text of arming without it, whether it is here, and the doctor's codes.
 
-    Raises KeyError if a code is of no rule.
+    Raises KeyError if a code is of no check.
     """
     for what, allowed in ALLOWED.items():
         for value, sensor in allowed.items():

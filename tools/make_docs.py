@@ -45,9 +45,9 @@ from viso.companion.vio.config import VioConfig
 from viso.compare.figures import OBJECTIVES
 from viso.compare.recordings import RECORDING_KINDS
 from viso.compare.rules import TEXT_EXCEPTIONS, TOLERANCES
-from viso.doctor.measures.own_filter import Witness
-from viso.doctor.rules import FAMILIES as DOCTOR_FAMILIES
-from viso.doctor.rules import RULES as DOCTOR_RULES
+from viso.doctor.checks import CHECKS as DOCTOR_CHECKS
+from viso.doctor.checks import FAMILIES as DOCTOR_FAMILIES
+from viso.doctor.evidence.own_filter import Witness
 from viso.faults.fault import parameters_of
 from viso.faults.kinds import FAULTS
 from viso.firmware.releases import PROFILES, Firmware
@@ -358,21 +358,21 @@ _WITNESSES: Final = {
 
 
 def _doctor_codes() -> Iterator[tuple[str, ...]]:
-    for rule in DOCTOR_RULES:
-        link = f"[{rule.code}](#{rule.code.lower()})"
-        yield rule.title, link, rule.severity.value, _WITNESSES[rule.witness]
+    for check in DOCTOR_CHECKS:
+        link = f"[{check.code}](#{check.code.lower()})"
+        yield check.title, link, check.severity.value, _WITNESSES[check.witness]
 
 
 def _doctor_sections() -> Iterator[str]:
     family = ""
-    for rule in DOCTOR_RULES:
-        if rule.family != family:
-            family = rule.family
+    for check in DOCTOR_CHECKS:
+        if check.family != family:
+            family = check.family
             yield f"## {family}: {DOCTOR_FAMILIES[family]}\n"
-        yield f"### {rule.code}\n"
-        yield f"**{rule.title}** ({rule.severity.value}; witness: {_WITNESSES[rule.witness]}).\n"
-        yield f"What the autopilot does: {rule.firmware} Decided in {rule.source}.\n"
-        yield f"What to do: {rule.fix}\n"
+        yield f"### {check.code}\n"
+        yield f"**{check.title}** ({check.severity.value}; witness: {_WITNESSES[check.witness]}).\n"
+        yield f"What the autopilot does: {check.firmware} Decided in {check.source}.\n"
+        yield f"What to do: {check.fix}\n"
 
 
 def _engine_protocol() -> Iterator[str]:

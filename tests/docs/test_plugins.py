@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The example packages, installed beside us, add a strategy, a kind of stream, a rule of the doctor and a link."""
+"""The example packages, installed beside us, add a strategy, a kind of stream, a check of the doctor and a link."""
 
 import subprocess
 import sys
@@ -22,7 +22,7 @@ from tests.unit.viso.companion.vio.strategy_rig import (
 )
 from viso import InputError, Stream, StreamMessage, read_stream
 from viso.companion import VioConfig, build_vio_strategy
-from viso.doctor import GatherOptions, all_rules, diagnose, gather
+from viso.doctor import GatherOptions, all_checks, diagnose, gather
 
 EXAMPLES = sorted((ROOT / "docs" / "examples" / "plugins").iterdir())
 
@@ -73,12 +73,12 @@ def test_stream_is_read_by_its_ending(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("installed")
-def test_rule_of_the_doctor_finds(tmp_path: Path) -> None:
+def test_check_of_the_doctor_finds(tmp_path: Path) -> None:
     camera = Codec(1, 197)
     speeds = [(30_000_000 + 50_000 * count, 1.0 if count < 5 else 4.0) for count in range(10)]
     frames = [(time_us, camera.encode(VISION_SPEED_ESTIMATE(time_us, x, 0.0, 0.0))) for time_us, x in speeds]
     stream = Stream("made", tuple(StreamMessage(time_us, frame) for time_us, frame in frames))
-    (finding,) = [one for one in diagnose(gather(stream, GatherOptions()), all_rules()) if one.code == "WALK-01"]
+    (finding,) = [one for one in diagnose(gather(stream, GatherOptions()), all_checks()) if one.code == "WALK-01"]
     assert finding.evidence == "5 messages report more than 3 m/s"
     assert finding.message_numbers == (6, 7, 8, 9, 10)
 
@@ -108,11 +108,11 @@ def test_example_is_one_small_module(folder: Path) -> None:
 @pytest.mark.slow
 def test_broken_plugin_is_one_line_on_standard_error_and_the_rest_works(tmp_path: Path) -> None:
     install(EXAMPLES[0], tmp_path)  # without its module
-    program = "from viso.doctor import all_rules\nfrom mav_handlers.links.table import all_links\n"
+    program = "from viso.doctor import all_checks\nfrom mav_handlers.links.table import all_links\n"
     program += (
         "from viso.streams.stream_kinds import all_kinds\nfrom viso.companion.vio.registry import all_strategies\n"
     )
-    program += "print(all(map(len, (all_rules(), all_links(), all_kinds(), all_strategies()))))"
+    program += "print(all(map(len, (all_checks(), all_links(), all_kinds(), all_strategies()))))"
     done = subprocess.run(
         [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{program}"],
         capture_output=True,

@@ -12,12 +12,12 @@ import typer
 
 from mav_handlers.links import LINKS, open_link
 from viso.dds.poses import PoseTopic, live_topic_of
-from viso.doctor import Evidence, Finding, GatherOptions, Severity, all_rules, diagnose, gather
-from viso.doctor.live import heard_on_link, heard_on_topic, stream_of_topic
-from viso.doctor.measures.vehicle_data import vehicle_of_log
-from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
-from viso.doctor.outputs.summary import summarise
-from viso.doctor.outputs.terminal import count_text, finding_lines, summary_lines, summary_table
+from viso.doctor import Evidence, Finding, GatherOptions, Severity, all_checks, diagnose, gather
+from viso.doctor.evidence.live import heard_on_link, heard_on_topic, stream_of_topic
+from viso.doctor.evidence.vehicle_data import vehicle_of_log
+from viso.doctor.output.machine_formats import as_json, as_junit, as_sarif
+from viso.doctor.output.summary import summarise
+from viso.doctor.output.terminal import count_text, finding_lines, summary_lines, summary_table
 from viso.errors import InputError
 from viso.extras import installed_version
 from viso.files.text_files import write_text
@@ -154,12 +154,12 @@ def doctor(
         raise InputError(f"--baud {baud}: not a rate")
     options = GatherOptions(params, rate, heading_rad=heading_rad, firmware=chosen, filter_s=filter_seconds)
     evidence = _examine(stream, _with_log(options, attitude, Path(source)))
-    rules = all_rules()
-    findings = diagnose(evidence, rules)
+    checks = all_checks()
+    findings = diagnose(evidence, checks)
     if sarif is not None:
-        _write(sarif, json.dumps(as_sarif(source, installed_version(), rules, findings), indent=1) + "\n")
+        _write(sarif, json.dumps(as_sarif(source, installed_version(), checks, findings), indent=1) + "\n")
     if junit is not None:
-        _write(junit, as_junit(source, rules, findings, fail_on))
+        _write(junit, as_junit(source, checks, findings, fail_on))
     if as_json_text:
         out.print_json(data=as_json(evidence, summarise(evidence), findings))
     else:

@@ -2,26 +2,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`viso doctor`: what the autopilot would do with a stream of external navigation, and what to change."""
 
-from viso.doctor.evidence import Evidence, SeenMessage
-from viso.doctor.findings import Finding, Rule, Severity, Sighting, diagnose, error, note, warning
-from viso.doctor.gathering import GatherOptions, gather
-from viso.doctor.measures.own_filter import Witness
-from viso.doctor.rules import RULES, all_rules
+from viso.doctor.checks import CHECKS, all_checks
+from viso.doctor.checks.check import Check, Finding, Severity, Sighting, check
+from viso.doctor.diagnosis import diagnose
+from viso.doctor.evidence.evidence import Evidence, SeenMessage
+from viso.doctor.evidence.gathering import GatherOptions, gather
+from viso.doctor.evidence.own_filter import Witness
 
 __all__ = [
-    "RULES",
+    "CHECKS",
+    "Check",
     "Evidence",
     "Finding",
     "GatherOptions",
-    "Rule",
     "SeenMessage",
     "Severity",
     "Sighting",
     "Witness",
-    "all_rules",
+    "all_checks",
+    "check",
     "diagnose",
-    "error",
     "gather",
-    "note",
-    "warning",
 ]

@@ -8,11 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from viso.doctor.evidence import Evidence
-from viso.doctor.findings import Finding, diagnose
-from viso.doctor.gathering import gather
-from viso.doctor.measures.own_filter import OwnFilter, Witness
-from viso.doctor.rules import all_rules
+from viso.doctor.checks import all_checks
+from viso.doctor.checks.check import Finding
+from viso.doctor.diagnosis import diagnose
+from viso.doctor.evidence.evidence import Evidence
+from viso.doctor.evidence.gathering import gather
+from viso.doctor.evidence.own_filter import OwnFilter, Witness
 from viso.estimators.series import Array, Mask, Series, spans_of
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.event_names import EV_ALT_RESET, EV_YAW_RESET
@@ -157,8 +158,8 @@ def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
 
 def _findings(evidence: Evidence) -> list[Finding]:
     """Return what the doctor finds, but nothing of a model, and nothing of parameters that the log does not tell."""
-    rules = [rule for rule in all_rules() if rule.witness is not Witness.MODEL]
-    return diagnose(evidence, [rule for rule in rules if not (evidence.assumed and rule.family == "XN7")])
+    checks = [check for check in all_checks() if check.witness is not Witness.MODEL]
+    return diagnose(evidence, [check for check in checks if not (evidence.assumed and check.family == "XN7")])
 
 
 def positioned_at(own: OwnFilter, at_s: Array) -> Mask:

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
+from viso.doctor.evidence.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
 from viso.estimators.series import Array, Series
 from viso.report import drawing
 from viso.report.agreement import ekf_poses, lag_ms, remote_lag_ms, vision_poses

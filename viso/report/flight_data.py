@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from viso.doctor.gathering import GatherOptions
-from viso.doctor.measures.vehicle_data import vehicle_in
+from viso.doctor.evidence.gathering import GatherOptions
+from viso.doctor.evidence.vehicle_data import vehicle_in
 from viso.errors import InputError
 from viso.estimators.series import Array, Series, number_in, series_of
 from viso.firmware.flown import FlownVersion, version_in

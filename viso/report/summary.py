@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from viso.doctor.findings import Finding, Severity
-from viso.doctor.measures.own_filter import POSITION
-from viso.doctor.rules.recorded import OWN_CODES, POSITION_CODES, RATIO_CODES
+from viso.doctor.checks.check import Finding, Severity
+from viso.doctor.checks.recorded import OWN_CODES, POSITION_CODES, RATIO_CODES
+from viso.doctor.evidence.own_filter import POSITION
 from viso.estimators.series import overlap_s, total_s
 from viso.report.facts import STALE_S, Facts, KindFacts
 from viso.report.flight_data import Material

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from viso.doctor import RULES, Finding, GatherOptions, Severity, diagnose, gather
-from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries
-from viso.doctor.measures.vehicle_position import PositionSeries
+from viso.doctor import CHECKS, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries
+from viso.doctor.evidence.vehicle_position import PositionSeries
 from viso.firmware.releases import Firmware
 from viso.streams.stream import Stream
 from viso.testing.observer import Observer
@@ -22,7 +22,7 @@ def findings_in(seen: Observer, vehicle: Vehicle, firmware: Firmware) -> list[Fi
     """Return what the doctor finds in what was sent to a vehicle, tried again on one with the same parameters."""
     params = {param.name: float(param.value) for param in vehicle.params}
     stream = Stream("what was sent", tuple(seen.sent), params)
-    return diagnose(gather(stream, _beside_truth(seen, GatherOptions(firmware=firmware))), RULES)
+    return diagnose(gather(stream, _beside_truth(seen, GatherOptions(firmware=firmware))), CHECKS)
 
 
 def _beside_truth(seen: Observer, options: GatherOptions) -> GatherOptions:
@@ -43,7 +43,7 @@ def check_no_findings(findings: Sequence[Finding], least: str, but: Collection[s
     """
     if least not in list(Severity):
         raise ValueError(f"least {least!r}: not one of {', '.join(Severity)}")
-    if unknown := sorted(set(but) - {rule.code for rule in RULES}):
+    if unknown := sorted(set(but) - {check.code for check in CHECKS}):
         raise ValueError(f"but: no such code: {', '.join(unknown)}")
     counting = [one for one in findings if one.severity.at_least(Severity(least)) and one.code not in but]
     if counting:

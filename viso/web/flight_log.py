@@ -11,7 +11,7 @@ import numpy as np
 from ap_core.param_group import ParamSlot
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.reports.filter_status import FilterFlag
-from viso.doctor.measures.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
+from viso.doctor.evidence.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
 from viso.estimators.series import Array, Mask, Series
 from viso.firmware.releases import Firmware
 from viso.logs.event_names import EV_SOURCE_SET_1

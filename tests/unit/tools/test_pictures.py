@@ -10,7 +10,7 @@ from ekf_stub.inputs import ingest_rules
 from tests.places import ROOT
 from tools.pictures import drawn
 from tools.terminal_picture import picture
-from viso.doctor.rules import RULES
+from viso.doctor.checks import CHECKS
 
 FILES = dict(drawn())
 
@@ -46,7 +46,7 @@ def test_terminals_show_what_the_commands_say_now() -> None:
     doctor = _shown("terminal_doctor.svg")
     codes = re.findall(r"XN\d-\d\d", doctor)
     assert "XN3-02" in codes
-    assert [rule.code for rule in RULES if rule.code in codes and f"{rule.code} {rule.title}" not in doctor] == []
+    assert [check.code for check in CHECKS if check.code in codes and f"{check.code} {check.title}" not in doctor] == []
 
 
 def test_a_terminal_asks_the_net_for_no_font() -> None:

@@ -1,21 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A rule of the doctor, for a vehicle that is pushed along by hand: nobody pushes it faster than 3 m/s."""
+"""A check of the doctor, for a vehicle that is pushed along by hand: nobody pushes it faster than 3 m/s."""
 
 from collections.abc import Iterator
 
 from mav_handlers import VISION_SPEED_ESTIMATE
-from viso.doctor import Evidence, Sighting, warning
+from viso.doctor import Evidence, Severity, Sighting, check
 
 MOST_M_S = 3.0
 
 
-@warning(
-    "WALK-01",
-    "Faster than anybody walks",
-    "The filter takes any speed that its gates let through.",
-    "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
-    "Look for a wrong scale, or for mismatches.",
+@check(
+    code="WALK-01",
+    severity=Severity.WARNING,
+    title="Faster than anybody walks",
+    firmware="The filter takes any speed that its gates let through.",
+    source="AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED",
+    fix="Look for a wrong scale, or for mismatches.",
 )
 def too_fast(evidence: Evidence) -> Iterator[Sighting]:
     """Yield what is reported faster than anybody walks."""

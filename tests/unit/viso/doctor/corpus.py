@@ -12,8 +12,8 @@ import numpy as np
 from tests.unit.viso.doctor.evidences import seen_in
 from tests.unit.viso.doctor.streams import faulty, piece, shifted
 from viso.doctor import GatherOptions
-from viso.doctor.measures.tracks import pose_tracks
-from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
+from viso.doctor.evidence.tracks import pose_tracks
+from viso.doctor.evidence.vehicle_position import LevelSeries, PositionSeries
 from viso.streams.stream_kinds import Stream
 
 ODOMETRY: Final = "odometry"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Evidence made of messages alone, without a trial: for rules that look at what is sent."""
+"""Evidence made of messages alone, without a trial: for checks that look at what is sent."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -14,12 +14,12 @@ from ap_visualodom.verdicts import CONSUMED
 from ekf_stub.reports.aiding_mode import AidingMode
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
-from viso.doctor import RULES, Evidence, Finding, SeenMessage, diagnose
-from viso.doctor.evidence import vision_of
-from viso.doctor.measures.compare import compare
-from viso.doctor.measures.motion import motions_of
-from viso.doctor.measures.tracks import pose_tracks, stamped_tracks, velocity_tracks
-from viso.doctor.measures.vehicle_data import AttitudeSeries
+from viso.doctor import CHECKS, Evidence, Finding, SeenMessage, diagnose
+from viso.doctor.evidence.compare import compare
+from viso.doctor.evidence.evidence import vision_of
+from viso.doctor.evidence.motion import motions_of
+from viso.doctor.evidence.tracks import pose_tracks, stamped_tracks, velocity_tracks
+from viso.doctor.evidence.vehicle_data import AttitudeSeries
 from viso.firmware.releases import REFERENCE
 from viso.streams.stream_kinds import Stream
 from viso.vehicle.outcomes.watch import AidingSpan
@@ -131,19 +131,19 @@ def seen_in(stream: Stream) -> list[SeenMessage]:
 
 
 class Found(Mapping[str, Finding]):
-    """What is found by code, the last of each; a rule looks when its code is asked for: none looks at another."""
+    """What is found by code, the last of each; a check runs when its code is asked for: none depends on another."""
 
     def __init__(self, evidence: Evidence) -> None:
         self._evidence = evidence
 
     def __getitem__(self, code: str) -> Finding:
-        found = diagnose(self._evidence, [rule for rule in RULES if rule.code == code])
+        found = diagnose(self._evidence, [check for check in CHECKS if check.code == code])
         if not found:
             raise KeyError(code)
         return found[-1]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys(finding.code for finding in diagnose(self._evidence, RULES)))
+        return iter(dict.fromkeys(finding.code for finding in diagnose(self._evidence, CHECKS)))
 
     def __len__(self) -> int:
         return len(list(iter(self)))

@@ -19,7 +19,7 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     Message,
 )
-from viso.doctor import RULES, Evidence, Finding, GatherOptions, diagnose, gather
+from viso.doctor import CHECKS, Evidence, Finding, GatherOptions, diagnose, gather
 from viso.faults import inject, parse_timeline
 from viso.streams.stream import Stream, StreamMessage
 
@@ -143,4 +143,4 @@ def evidence_of(frames: Iterable[Timed]) -> Evidence:
 
 def findings_of(evidence: Evidence) -> list[Finding]:
     """Return what is found about flow and ranges."""
-    return diagnose(evidence, [rule for rule in RULES if rule.family in ("XNF", "XNR")])
+    return diagnose(evidence, [check for check in CHECKS if check.family in ("XNF", "XNR")])

@@ -9,9 +9,9 @@ from ap_core.dataflash_columns import LogColumns
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import EKF_STATUS_REPORT, HEARTBEAT, PARAM_VALUE, STATUSTEXT, SYS_STATUS, Message
 from tests.unit.viso.report.log_maker import NAVIGATES, LogMaker
-from viso.doctor.measures.own_filter import OwnFilter
-from viso.doctor.measures.own_log import own_filter_in
-from viso.doctor.measures.vehicle_data import listen
+from viso.doctor.evidence.own_filter import OwnFilter
+from viso.doctor.evidence.own_log import own_filter_in
+from viso.doctor.evidence.vehicle_data import listen
 from viso.streams.stream_kinds import Stream, StreamMessage
 
 EXTNAV: Final[Mapping[str, float]] = {

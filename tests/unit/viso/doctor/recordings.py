@@ -14,7 +14,7 @@ import quaternion
 
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE
-from viso.doctor.measures.tracks import rotated
+from viso.doctor.evidence.tracks import rotated
 from viso.estimators.turning import quats_of_euler
 from viso.streams.stream_kinds import Stream
 

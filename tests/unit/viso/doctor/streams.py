@@ -10,8 +10,8 @@ import numpy as np
 
 from mav_handlers.wire.codec import Codec, Received
 from tests.places import DATA
-from viso.doctor import RULES, Evidence, Finding, GatherOptions, Severity, diagnose, gather
-from viso.doctor.measures.vehicle_data import AttitudeSeries, HeightSeries, vehicle_of_log
+from viso.doctor import CHECKS, Evidence, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries, vehicle_of_log
 from viso.faults import inject, parse_timeline
 from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
 
@@ -85,7 +85,7 @@ def shifted(name: str, start_s: float, *, delay_s: float = 0.0) -> GatherOptions
 def examine(stream: Stream, options: GatherOptions | None = None) -> tuple[Evidence, list[Finding]]:
     """Return what the doctor finds."""
     evidence = gather(stream, options)
-    return evidence, diagnose(evidence, RULES)
+    return evidence, diagnose(evidence, CHECKS)
 
 
 def codes(findings: list[Finding], least: Severity = Severity.NOTE) -> set[str]:

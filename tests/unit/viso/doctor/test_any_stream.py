@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rules do not raise, whatever the stream."""
+"""Checks do not raise, whatever the stream."""
 
 import json
 import math
@@ -17,14 +17,14 @@ from mav_handlers.verdicts import ALL_VERDICTS
 from mav_handlers.wire.messages import ATT_POS_MOCAP, VICON_POSITION_ESTIMATE, VISION_POSITION_DELTA, Message
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, pose, seen, speed
-from viso.doctor import RULES, Evidence, Severity, diagnose
-from viso.doctor.measures.flow_fit import fit_flow
-from viso.doctor.measures.ground_sensors import FlowSeries, GroundSensors, RangeSeries
-from viso.doctor.measures.vehicle_data import AttitudeSeries
-from viso.doctor.measures.vehicle_position import LevelSeries, PositionSeries
-from viso.doctor.outputs.machine_formats import as_json, as_junit, as_sarif
-from viso.doctor.outputs.summary import summarise
-from viso.doctor.outputs.terminal import finding_lines, summary_lines
+from viso.doctor import CHECKS, Evidence, Severity, diagnose
+from viso.doctor.evidence.flow_fit import fit_flow
+from viso.doctor.evidence.ground_sensors import FlowSeries, GroundSensors, RangeSeries
+from viso.doctor.evidence.vehicle_data import AttitudeSeries
+from viso.doctor.evidence.vehicle_position import LevelSeries, PositionSeries
+from viso.doctor.output.machine_formats import as_json, as_junit, as_sarif
+from viso.doctor.output.summary import summarise
+from viso.doctor.output.terminal import finding_lines, summary_lines
 
 NUMBERS = st.one_of(
     st.floats(-10, 10, width=32), st.floats(width=32), st.sampled_from([0.0, math.nan, math.inf, -math.inf, 1e30])
@@ -66,7 +66,7 @@ ANY_VERDICT: st.SearchStrategy[Verdict] = st.sampled_from(ALL_VERDICTS)
 
 
 @pytest.mark.parametrize("count", [0, 1, 40])
-def test_rules_and_outputs_take_nonsense(count: int) -> None:
+def test_checks_and_outputs_take_nonsense(count: int) -> None:
     nowhere = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz"), math.nan)
     messages = [
         seen(number, START_US + number * 40_000, odometry(number % 3, q=(math.inf, 0.0, 0.0, 0.0), **nowhere))
@@ -78,10 +78,10 @@ def test_rules_and_outputs_take_nonsense(count: int) -> None:
 @pytest.mark.slow
 @settings(max_examples=60)
 @given(data=st.data(), params=PARAMS, knows_attitude=st.booleans())
-def test_rules_and_outputs_take_whatever_comes(
+def test_checks_and_outputs_take_whatever_comes(
     data: st.DataObject, params: dict[str, float], knows_attitude: bool
 ) -> None:
-    # A few kinds of messages over and over make tracks that are long enough for every rule.
+    # A few kinds of messages over and over make tracks that are long enough for every check.
     kinds = data.draw(st.lists(st.tuples(MESSAGES, ANY_VERDICT), max_size=8))
     repeats = data.draw(st.integers(1, 30))
     gaps_us = data.draw(st.lists(st.sampled_from([0, 1, 5_000, 40_000, 400_000, 8_000_000]), min_size=1, max_size=4))
@@ -108,7 +108,7 @@ def test_rules_and_outputs_take_whatever_comes(
 
 @pytest.mark.parametrize("count", [1, 2, 60])
 @pytest.mark.parametrize("number", [math.nan, math.inf, 1e30, 0.0])
-def test_rules_take_nonsense_of_flow_and_ranges(count: int, number: float) -> None:
+def test_checks_take_nonsense_of_flow_and_ranges(count: int, number: float) -> None:
     time_us, nothing = START_US + np.arange(count) * 40_000, np.zeros(0, np.int64)
     numbers, whole = np.full((count, 2), number), np.zeros(count, np.int64)
     said = FlowSeries("OF", time_us, numbers, numbers, whole + 100, nothing)
@@ -130,11 +130,11 @@ def test_rules_take_nonsense_of_flow_and_ranges(count: int, number: float) -> No
 
 
 def take(evidence: Evidence) -> None:
-    """Let the rules and all outputs take some evidence."""
-    findings = diagnose(evidence, RULES)
+    """Let the checks and all outputs take some evidence."""
+    findings = diagnose(evidence, CHECKS)
     summary = summarise(evidence)
     json.dumps(as_json(evidence, summary, findings))
-    json.dumps(as_sarif("made", "1", RULES, findings))
-    as_junit("made", RULES, findings, Severity.ERROR)
+    json.dumps(as_sarif("made", "1", CHECKS, findings))
+    as_junit("made", CHECKS, findings, Severity.ERROR)
     assert summary_lines(summary)
     assert all(len(list(finding_lines(finding, 80))) >= 4 for finding in findings)

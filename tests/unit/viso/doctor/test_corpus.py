@@ -10,7 +10,7 @@ import pytest
 from tests.unit.viso.doctor.corpus import CLEAN, CORPUS, ODOMETRY, POSE, SPEED, Case
 from tests.unit.viso.doctor.evidences import evidence_of, seen_in
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, recording, shifted
-from viso.doctor import RULES, Finding, GatherOptions, Severity, diagnose
+from viso.doctor import CHECKS, Finding, GatherOptions, Severity, diagnose
 
 BY_THE_VEHICLE = {
     *("XN1-04", "XN1-06", "XN1-08", "XN1-09", "XN2-01", "XN4-06", "XN4-07", "XN6-07", "XN6-08", "XN7-01", "XN7-02"),
@@ -42,13 +42,13 @@ def _named(cases: Iterable[Case], *marks: pytest.MarkDecorator) -> list[object]:
 def _sent(case: Case) -> list[Finding]:
     """Return what is found when every message is accepted and the filter aids.
 
-    Where it does not matter what else is found, rules of other families are left out: no rule looks at another.
+    Where it does not matter what else is found, checks of other families are left out: no check depends on another.
     """
     stream, options = case.stream(), case.options() or GatherOptions()
     made = evidence_of(seen_in(stream), stream.params, options.attitude)
     families = {code.partition("-")[0] for code in case.expected}
-    rules = RULES if case.first or not families else [rule for rule in RULES if rule.family in families]
-    return diagnose(replace(made, position=options.position, level=options.level), rules)
+    checks = CHECKS if case.first or not families else [check for check in CHECKS if check.family in families]
+    return diagnose(replace(made, position=options.position, level=options.level), checks)
 
 
 def _holds(case: Case, findings: list[Finding]) -> bool:

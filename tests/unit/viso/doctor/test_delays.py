@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 
 from tests.unit.viso.doctor.streams import piece, shifted
-from viso.doctor import RULES, Evidence, diagnose, gather
-from viso.doctor.measures.compare import compare
-from viso.doctor.measures.vehicle_data import AttitudeSeries
+from viso.doctor import CHECKS, Evidence, diagnose, gather
+from viso.doctor.evidence.compare import compare
+from viso.doctor.evidence.vehicle_data import AttitudeSeries
 
 SET_MS = 30
 """VISO_DELAY_MS of the recorded flight, whose camera is that late."""
@@ -44,7 +44,7 @@ def advised_ms(flight: Evidence, delay_ms: int, setting_ms: float) -> list[int]:
     params = {**flight.params, "VISO_DELAY_MS": setting_ms}
     compared = compare(flight.poses, flight.vision, attitude, params)
     evidence = replace(flight, attitude=attitude, params=params, comparisons=compared)
-    fixes = [one.fix for one in diagnose(evidence, RULES) if one.code == "XN3-11"]
+    fixes = [one.fix for one in diagnose(evidence, CHECKS) if one.code == "XN3-11"]
     return [int(value) for fix in fixes for value in re.findall(r"\bto (\d+)\b", fix)]
 
 

@@ -12,8 +12,8 @@ from tests.places import DATA
 from tests.unit.viso.command_line import Viso
 from tests.unit.viso.doctor.evidences import evidence_of, seen_in
 from tests.unit.viso.doctor.streams import codes, examine, faulty, piece, shifted
-from viso.doctor import RULES, Evidence, Finding, Severity, diagnose
-from viso.doctor.measures.compare import compare
+from viso.doctor import CHECKS, Evidence, Finding, Severity, diagnose
+from viso.doctor.evidence.compare import compare
 from viso.streams.stream_kinds import Stream
 
 START_S = 40.0
@@ -42,7 +42,7 @@ def with_params(evidence: Evidence, **changed: float) -> dict[str, Finding]:
     """Return what is found if parameters were others."""
     params = {**evidence.params, **changed}
     compared = compare(evidence.poses, evidence.vision, evidence.attitude, params)
-    findings = diagnose(replace(evidence, params=params, comparisons=compared), RULES)
+    findings = diagnose(replace(evidence, params=params, comparisons=compared), CHECKS)
     return {finding.code: finding for finding in findings}
 
 
@@ -64,7 +64,7 @@ def test_camera_is_in_order_on_a_vehicle_once_its_mounting_is_set(orient: int) -
 @pytest.mark.slow
 @pytest.mark.parametrize("orient", ALL)
 def test_camera_is_in_order_once_its_mounting_is_set(orient: int) -> None:
-    findings = diagnose(mounted(orient), RULES)
+    findings = diagnose(mounted(orient), CHECKS)
     assert codes(findings, Severity.WARNING) == set()
 
 

@@ -17,7 +17,7 @@ from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.doctor.corpus import CLIMB, ODOMETRY, POSE, SPEED, Case
 from tests.unit.viso.doctor.recordings import WRITERS, as_ros, rows_of
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine
-from viso.doctor import RULES, Severity
+from viso.doctor import CHECKS, Severity
 from viso.errors import InputError
 from viso.streams.stream_kinds import MAX_GAP_US, Aspect, Stream, TrajectoryOptions, read_whole_stream
 
@@ -110,8 +110,8 @@ FILES = (
     _file("mcap", "stamps of zero", ODOMETRY, "{kind: stamp_constant}", "XN3-01"),
     _file("db3", "eight a second", ODOMETRY, "{kind: rate, rate_hz: 8}", "XN4-08"),
 )  # fmt: skip
-NEVER_FROM_FILES = {rule.code for rule in RULES if not rule.needs.isdisjoint({Aspect.LINK, Aspect.RESETS})}
-ON_ARRIVAL = {rule.code for rule in RULES if Aspect.ARRIVAL in rule.needs}
+NEVER_FROM_FILES = {check.code for check in CHECKS if not check.needs.isdisjoint({Aspect.LINK, Aspect.RESETS})}
+ON_ARRIVAL = {check.code for check in CHECKS if Aspect.ARRIVAL in check.needs}
 
 
 def _marks(file: File) -> object:

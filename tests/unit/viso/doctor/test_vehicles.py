@@ -28,7 +28,7 @@ from tests.unit.viso.doctor.vehicles import (
     recorded,
     transferred,
 )
-from viso.doctor import RULES, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor import CHECKS, Finding, GatherOptions, Severity, diagnose, gather
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, REFERENCE, STABLE_4_6
 from viso.streams.heard import params_heard, version_heard
 from viso.streams.stream import Stream
@@ -39,7 +39,7 @@ OLD: Mapping[str, float] = {"SYSID_THISMAV": 1, "AHRS_EKF_TYPE": 2, "EK2_ENABLE"
 
 def found(stream: Stream) -> list[Finding]:
     """Return what is found, but that these recordings hold nothing of the filter."""
-    return [finding for finding in diagnose(gather(stream), RULES) if finding.code != "XN9-17"]
+    return [finding for finding in diagnose(gather(stream), CHECKS) if finding.code != "XN9-17"]
 
 
 def codes(stream: Stream) -> list[str]:

@@ -12,7 +12,7 @@ from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ATTITUDE, HEARTBEAT, PARAM_VALUE, SYSTEM_TIME, Message
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
-from viso.doctor.measures.vehicle_data import listen
+from viso.doctor.evidence.vehicle_data import listen
 from viso.streams.sessions import one_session, sessions_of
 from viso.streams.stream_kinds import Stream, StreamMessage
 

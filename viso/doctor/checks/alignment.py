@@ -1,0 +1,235 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN8: does the stream's frame agree with the vehicle's attitude, and would it be aligned?"""
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from viso.doctor.checks.beside_vehicle import ALIGNED, aligned_us, lasting
+from viso.doctor.checks.check import Severity, Sighting, check
+from viso.doctor.checks.phrases import at, share
+from viso.doctor.evidence.compare import ALIGNING_TYPES, oriented
+from viso.doctor.evidence.evidence import EXTNAV, Evidence
+from viso.doctor.evidence.own_filter import Witness
+from viso.doctor.evidence.sender_clock import FEWEST
+from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
+
+_ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
+_LIMIT_RAD: Final = math.radians(10)
+_GROSS_RAD: Final = math.radians(20)
+_LASTING_US: Final = 1_000_000
+_GPS: Final = 3
+_NEVER_US: Final = 1 << 62
+
+
+@check(
+    code="XN8-01",
+    severity=Severity.NOTE,
+    title="The camera's frame is rotated to north",
+    firmware=(
+        "Once the AHRS has settled, types 2 and 3 rotate the camera's frame so that its yaw agrees, and report it in a "
+        "text."
+    ),
+    source=_ALIGN,
+    fix="Nothing, if the shift is the angle that you expect between the camera's frame and north.",
+)
+def alignment_shift(evidence: Evidence) -> Iterator[Sighting]:
+    for time_us, _, text in evidence.texts:
+        if text.startswith(ALIGNED):
+            known = "" if evidence.attitude is not None else ", if the vehicle points north at first"
+            yield Sighting(f'at {at(time_us)} it would say "{text}"{known}', start_us=time_us, end_us=time_us)
+
+
+@check(
+    code="XN8-02",
+    severity=Severity.NOTE,
+    title="Alignment is refused",
+    firmware=(
+        "With yaw from external navigation the camera's yaw is the vehicle's heading, and nothing is aligned: north is "
+        "where the camera's x axis points."
+    ),
+    source=_ALIGN,
+    fix=(
+        "Start with the vehicle facing north, or accept that headings are relative; else EK3_SRC1_YAW 1 with a compass."
+    ),
+)
+def alignment_refused(evidence: Evidence) -> Iterator[Sighting]:
+    if evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") == EXTNAV and evidence.poses:
+        yield Sighting(f"VISO_TYPE is {evidence.viso_type}, and EK3_SRC1_YAW is 6 (ExtNav)")
+
+
+@check(
+    code="XN8-03",
+    severity=Severity.ERROR,
+    title="Alignment never happens",
+    firmware=(
+        "Types 2 and 3 wait for a yaw that comes from a compass, for ever; the camera's frame stays as it is, against "
+        "whatever yaw the filter has."
+    ),
+    source=_ALIGN,
+    fix="Enable a compass, or set EK3_SRC1_YAW to 6.",
+)
+def alignment_waits(evidence: Evidence) -> Iterator[Sighting]:
+    if (
+        evidence.viso_type in ALIGNING_TYPES
+        and evidence.source("YAW") != EXTNAV
+        and not evidence.has_compass
+        and evidence.poses
+    ):
+        yield Sighting(
+            f"VISO_TYPE is {evidence.viso_type}, EK3_SRC1_YAW is {evidence.source('YAW')}, and there is no compass"
+        )
+
+
+def _mean_angle(angles: Floats) -> tuple[float, float]:
+    """Return mean and spread of angles in rad, wrapped."""
+    vector = complex(np.mean(np.exp(1j * angles)))
+    return math.atan2(vector.imag, vector.real), math.sqrt(max(0.0, -2 * math.log(max(abs(vector), 1e-9))))
+
+
+@check(
+    code="XN8-04",
+    severity=Severity.ERROR,
+    title="The stream's frame is rotated",
+    firmware=(
+        "Type 1 aligns nothing. With yaw from a compass, the stream's positions and velocities point another way than "
+        "the vehicle; with yaw from the stream, those of a GPS do. The vehicle circles instead of holding its "
+        "position."
+    ),
+    source="AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate",
+    fix="Rotate the stream's frame to north in the sender, set EK3_SRC1_YAW to 6, or use VISO_TYPE 2.",
+    witness=Witness.LOG,
+)
+def rotated_frame(evidence: Evidence) -> Iterator[Sighting]:
+    by_north = _GPS in (evidence.source("POSXY"), evidence.source("VELXY"))
+    severity = Severity.NOTE if evidence.source("YAW") == EXTNAV and not by_north else None
+    for poses, _, told, vehicle in _beside_vehicle(evidence) if evidence.viso_type == 1 else ():
+        mean, spread = _mean_angle(told[:, 2] - vehicle[:, 2])
+        if abs(mean) > _LIMIT_RAD and spread < _LIMIT_RAD:
+            text = f"{poses.track.sender}: its yaw is {math.degrees(mean):.0f} deg from the vehicle's own"
+            yield Sighting.in_track(text, poses.track, severity=severity)
+
+
+def _apart(poses: Poses, chosen: Ints, mask: Bools, text: str, severity: Severity | None = None) -> Sighting:
+    """Return what messages show that are some of those chosen of a track."""
+    track, shown = poses.track, chosen[mask]
+    where = f"in {share(len(shown), len(track))} messages, the first at {at(track.arrival_us[shown[0]])}"
+    return Sighting.in_track(f"{track.sender}: {text}, {where}", track, shown, severity=severity)
+
+
+def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, Floats]]:
+    """Yield poses, which of them can be compared, and their attitude, VISO_ORIENT taken off, beside the vehicle's own.
+
+    Types 2 and 3 alone obey VISO_ORIENT. A vehicle whose filter has lost itself, with a bad IMU, is no measure.
+    """
+    attitude, own = evidence.truth or evidence.attitude, evidence.own_filter if evidence.truth is None else None
+    if attitude is None:
+        return
+    for poses in evidence.poses:
+        quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
+        told, vehicle = euler_of_quat(quats), attitude.at(poses.track.arrival_us)
+        usable = np.isfinite(np.column_stack((told, vehicle))).all(axis=1)
+        if own is not None:
+            usable &= ~own.lost_itself(poses.track.arrival_us)
+        chosen = np.flatnonzero(usable)
+        if len(chosen) >= FEWEST:
+            yield poses, chosen, told[chosen], vehicle[chosen]
+
+
+@check(
+    code="XN8-05",
+    severity=Severity.ERROR,
+    title="Roll and pitch differ from the vehicle's",
+    firmware=(
+        "Types 2 and 3 compare: more than 10 deg, and arming fails with VisOdom: roll/pitch diff. Type 1 does not, but "
+        "the velocity of ODOMETRY is rotated by a wrong attitude."
+    ),
+    source="AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
+    fix=(
+        "Set VISO_ORIENT to how the camera is mounted (types 2 and 3), or send the vehicle's attitude, not the "
+        "camera's."
+    ),
+    witness=Witness.LOG,
+)
+def tilted_attitude(evidence: Evidence) -> Iterator[Sighting]:
+    severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
+    for poses, chosen, told, vehicle in _beside_vehicle(evidence):
+        angle = np.arccos(np.clip(np.sum(down_in_body(told) * down_in_body(vehicle), axis=1), -1, 1))
+        mask = lasting(poses.track.arrival_us[chosen], angle > _LIMIT_RAD)
+        if mask.any():
+            middle = math.degrees(float(np.median(angle[mask])))
+            text = f"roll and pitch are {middle:.0f} deg from the vehicle's own"
+            yield _apart(poses, chosen, mask, text, severity)
+
+
+@check(
+    code="XN8-08",
+    severity=Severity.ERROR,
+    title="The yaw leaves the vehicle's after alignment",
+    firmware=(
+        "Types 2 and 3 align the yaw once. Afterwards they compare: more than 10 deg, and arming fails with VisOdom: "
+        "yaw diff. In flight positions and velocities turn away from north with the camera's yaw."
+    ),
+    source="AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
+    fix=(
+        "Look for a camera that drifts or a compass that is disturbed; align again with the auxiliary function VISODOM "
+        "ALIGN (80) before take-off."
+    ),
+    witness=Witness.LOG,
+)
+def yaw_after_alignment(evidence: Evidence) -> Iterator[Sighting]:
+    """Find yaw that leaves the vehicle's own after it was aligned to that."""
+    starts_us = sorted(aligned_us(evidence)) if evidence.viso_type in ALIGNING_TYPES else []
+    for poses, chosen, told, vehicle in _beside_vehicle(evidence) if starts_us else ():
+        times, off = poses.track.arrival_us[chosen], told[:, 2] - vehicle[:, 2]
+        mask, worst = np.zeros(len(times), dtype=np.bool_), 0.0
+        for start, end in itertools.pairwise([*starts_us, _NEVER_US]):
+            first = (times >= start) & (times < min(start + _LASTING_US, end))
+            inside = (times >= start) & (times < end)
+            if first.any():
+                since = np.abs(np.angle(np.exp(1j * (off - _mean_angle(off[first])[0]))))
+                left = lasting(times, np.asarray(inside & (since > _LIMIT_RAD), dtype=np.bool_))
+                mask |= left
+                worst = max(worst, float(since[left].max(initial=0.0)))
+        if mask.any():
+            text = f"since it was aligned the yaw has left the vehicle's own by up to {math.degrees(worst):.0f} deg"
+            yield _apart(poses, chosen, mask, text, None if worst > _GROSS_RAD else Severity.WARNING)
+
+
+@check(
+    code="XN8-06",
+    severity=Severity.NOTE,
+    title="Too short for alignment",
+    firmware="Types 2 and 3 align the yaw 20 s after the AHRS has started, and not before.",
+    source=_ALIGN,
+    fix="Wait for the text VisOdom: yaw shifted before arming.",
+)
+def too_short_to_align(evidence: Evidence) -> Iterator[Sighting]:
+    aligns = evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") != EXTNAV and evidence.has_compass
+    if aligns and evidence.poses and not aligned_us(evidence):
+        yield Sighting(f"the stream ends at {at(evidence.end_us)}, before the AHRS has settled, 20 s after it started")
+
+
+@check(
+    code="XN8-07",
+    severity=Severity.WARNING,
+    title="A switch of sources will jump",
+    firmware=(
+        "While another source is active, other releases move the camera's position along with the vehicle's, so that a "
+        "switch is smooth. This one has lost that: position is aligned in no backend."
+    ),
+    source="AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::align_position_to_ahrs",
+    fix="Start the camera where the vehicle's origin is, or fly another release; see --firmware.",
+)
+def switch_jumps(evidence: Evidence) -> Iterator[Sighting]:
+    may_switch = evidence.source("POSXY") != EXTNAV and EXTNAV in (evidence.source("POSXY", n) for n in (2, 3))
+    aligns = any(evidence.firmware.visual_odom.axes_to_align(True, True))
+    if evidence.viso_type in ALIGNING_TYPES and evidence.poses and may_switch and not aligns:
+        yield Sighting(
+            f"VISO_TYPE is {evidence.viso_type}, a later source set takes positions from external navigation, and the "
+            f"firmware is {evidence.firmware.name}"
+        )

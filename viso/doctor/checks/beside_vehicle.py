@@ -1,0 +1,229 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A stream beside what the vehicle did by those who do not take it from the stream: what to compare, and when."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from viso.doctor.evidence.compare import ALIGNING_TYPES, comparison_of, oriented
+from viso.doctor.evidence.evidence import Evidence
+from viso.doctor.evidence.own_filter import POSITION, Witness
+from viso.doctor.evidence.sender_clock import FEWEST
+from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses, Sender, Track, Velocities
+from viso.doctor.evidence.vehicle_data import AttitudeSeries
+from viso.doctor.evidence.vehicle_position import PositionSeries
+from viso.estimators.heading import heading_departure
+from viso.estimators.likeness import Likeness, estimate_likeness
+from viso.estimators.turning import quats_of_euler
+from viso.streams.stream_kinds import Aspect
+
+RELATED: Final = 0.8
+"""The least correlation of moves that belong together."""
+UNLIKE: Final = 0.3
+"""The share of moves that may be off by more than half."""
+
+ALIGNED: Final = "VisOdom: yaw shifted"
+"""What types 2 and 3 say when they turn the camera's frame to north."""
+
+_LEAVES_RAD: Final = np.radians(10)
+_LATE_S: Final = 0.5
+_LASTING_US: Final = 1_000_000
+_LEAST_SHARE: Final = 0.05
+_FAILED: Final = -1
+_FARTHEST_M: Final = 1e9
+_FASTEST_M_S: Final = 1e5
+_FEWEST: Final = 40
+_LONGEST_GAP_S: Final = 0.5
+_SHORTEST_US: Final = 3_000_000
+_STEP_RAD: Final = np.radians(12)
+_STEP_US: Final = 300_000
+_AROUND_US: Final = 500_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """Where a stream says that it went, N x 3: its positions, or the sum of its velocities, of N chosen messages.
+
+    It restarts where it breaks.
+    """
+
+    track: Track
+    chosen: Ints
+    pos_m: Floats
+    breaks_us: Ints
+
+    @property
+    def arrival_us(self) -> Ints:
+        """When those messages arrived, us since boot."""
+        return np.asarray(self.track.arrival_us[self.chosen], dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeadingDeparture:
+    """A stream's heading against the vehicle's.
+
+    Attributes:
+        poses: of the stream.
+        told_by: what tells the vehicle's.
+        chosen: N, which messages are compared.
+        off_rad: N, by how much they are off, less what is off all the time.
+        turning_rad: N, the vehicle's rate of turn a second.
+    """
+
+    poses: Poses
+    told_by: str
+    chosen: Ints
+    off_rad: Floats
+    turning_rad: Floats
+
+
+def is_of_one_time(evidence: Evidence) -> bool:
+    """Return whether stream and vehicle are known to be of one time: a trajectory has a clock of its own."""
+    if Aspect.RESETS not in evidence.lacks:
+        return True
+    return any(compared.since_arrival.enough_motion for compared in evidence.comparisons)
+
+
+def aligned_us(evidence: Evidence) -> list[int]:
+    """Return when poses were aligned: by the emulated autopilot, or by that whose log holds them."""
+    own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
+    said = [(time_us, text) for time_us, _, text in evidence.texts] + ([] if own is None else [*own.texts])
+    return [time_us for time_us, text in said if text.startswith(ALIGNED)]
+
+
+def follows_vehicle(evidence: Evidence, time_us: Ints) -> Bools:
+    """Return when the autopilot made the positions of a log follow the vehicle, which navigated by something else."""
+    own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
+    if own is None or evidence.viso_type not in ALIGNING_TYPES:
+        return np.zeros(len(time_us), dtype=np.bool_)
+    return own.is_fed_by_others(POSITION, time_us)
+
+
+def began_anew_us(evidence: Evidence, poses: Poses) -> Ints:
+    """Return when a stream's frame may have been turned or moved with a word: its counter, or alignment."""
+    aligned = aligned_us(evidence) if evidence.viso_type in ALIGNING_TYPES else []
+    changed = poses.track.arrival_us[1:][np.diff(poses.reset_counter) != 0]
+    return np.sort(np.concatenate([changed, np.array(aligned, dtype=np.int64)]))
+
+
+def ways_of_poses(evidence: Evidence) -> Iterator[tuple[Poses, Way]]:
+    """Yield poses, and the way of those that are not told to have failed and do not follow the vehicle."""
+    for poses in evidence.poses:
+        fine = (np.abs(poses.pos_m) < _FARTHEST_M).all(axis=1) & (poses.quality != _FAILED)
+        chosen = np.flatnonzero(fine & ~follows_vehicle(evidence, poses.track.arrival_us))
+        if len(chosen) >= _FEWEST:
+            yield poses, Way(poses.track, chosen, poses.pos_m[chosen], began_anew_us(evidence, poses))
+
+
+def ways_of_velocities(evidence: Evidence) -> Iterator[tuple[Velocities, Way]]:
+    """Yield velocities, and the way that they come to, over no gap."""
+    for velocities in evidence.velocities:
+        chosen = np.flatnonzero((np.abs(velocities.used) < _FASTEST_M_S).all(axis=1))
+        if len(chosen) < _FEWEST:
+            continue
+        used, time_us = velocities.used[chosen], velocities.track.arrival_us[chosen]
+        step_s = np.diff(time_us) * 1e-6
+        gap = step_s > _LONGEST_GAP_S
+        moved = 0.5 * (used[1:] + used[:-1]) * np.where(gap, 0.0, step_s)[:, None]
+        pos_m = np.concatenate([np.zeros((1, 3)), np.cumsum(moved, axis=0)])
+        yield velocities, Way(velocities.track, chosen, pos_m, time_us[1:][gap])
+
+
+def reference_of(position: PositionSeries) -> tuple[Ints, Floats]:
+    """Return times and places, without height where that is not told, or by a GPS, whose heights wander."""
+    has_height = np.isfinite(position.ned_m[:, 2]).all() and not position.origin.startswith("GPS")
+    return position.time_us, position.ned_m if has_height else position.ned_m[:, :2]
+
+
+def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
+    """Yield how the heading of each stream of poses leaves that of the vehicle."""
+    vehicle, own = evidence.truth or evidence.attitude, evidence.own_filter if evidence.truth is None else None
+    if vehicle is None or len(vehicle) < FEWEST or not is_of_one_time(evidence):
+        return
+    for poses in evidence.poses:
+        quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
+        compared = comparison_of(poses, evidence.comparisons)
+        delay_us = 0 if compared is None else int(compared.late_ms * 1e3)
+        there = vehicle.at(poses.track.arrival_us - delay_us)
+        norm = np.linalg.norm(quats, axis=1)
+        fine = np.isfinite(there).all(axis=1) & (np.abs(norm - 1) < 0.1) & (poses.quality != _FAILED)
+        if own is not None:
+            fine &= ~own.lost_itself(poses.track.arrival_us)
+        chosen = np.flatnonzero(fine)
+        if len(chosen) < _FEWEST:
+            continue
+        time_us = poses.track.arrival_us[chosen]
+        edges = np.concatenate([began_anew_us(evidence, poses), _set_anew_us(vehicle)])
+        parts = np.searchsorted(np.sort(edges), time_us, side="right")
+        off_rad = np.zeros(len(chosen))
+        for part in np.unique(parts).tolist():
+            inside = parts == part
+            if np.ptp(time_us[inside]) >= _SHORTEST_US and np.count_nonzero(inside) >= FEWEST:
+                of_vehicle = quats_of_euler(there[chosen][inside])
+                off_rad[inside] = heading_departure(quats[chosen][inside], of_vehicle)
+        told_by = f"{vehicle.origin}, which may follow the stream" if vehicle.follows_stream else vehicle.origin
+        yield HeadingDeparture(poses, told_by, chosen, off_rad, _turning_rad(vehicle, time_us - delay_us))
+
+
+def _set_anew_us(vehicle: AttitudeSeries) -> Ints:
+    """Return when the vehicle's own yaw was set again, as by an alignment in flight: no vehicle turns so fast."""
+    yaw = vehicle.euler_rad[:, 2]
+    step = np.abs(np.angle(np.exp(1j * np.diff(yaw))))
+    usual = np.abs(np.angle(np.exp(1j * (yaw[2:] - yaw[:-2]))))
+    around = np.maximum(np.append(usual, 0.0) - step, np.append(0.0, usual) - step)
+    is_step = (step > _STEP_RAD) & (np.diff(vehicle.time_us) < _STEP_US) & (around < 0.5 * step)
+    return np.asarray(vehicle.time_us[1:][is_step], dtype=np.int64)
+
+
+def _turning_rad(vehicle: AttitudeSeries, time_us: Ints) -> Floats:
+    """Return how fast the vehicle turns about the vertical around some times, rad a second."""
+    ends = [
+        vehicle.at(np.clip(time_us + by, vehicle.time_us[0], vehicle.time_us[-1])) for by in (-_AROUND_US, _AROUND_US)
+    ]
+    return np.asarray(np.abs(ends[1][:, 2] - ends[0][:, 2]) / (2e-6 * _AROUND_US), dtype=np.float64)
+
+
+def leaves(heading: HeadingDeparture) -> Bools:
+    """Return which messages have a yaw that is off for longer than a late one is in a turn; none if they are few."""
+    allowed = _LEAVES_RAD + _LATE_S * heading.turning_rad
+    off = np.asarray(np.abs(heading.off_rad) > allowed, dtype=np.bool_)
+    mask = lasting(heading.poses.track.arrival_us[heading.chosen], off)
+    return mask if np.mean(mask) > _LEAST_SHARE else np.zeros_like(mask)
+
+
+def wanders(evidence: Evidence, sender: Sender) -> bool:
+    """Return whether the sender's yaw leaves the vehicle's: what it turns says nothing about axes then."""
+    return any(one.poses.track.sender == sender and leaves(one).any() for one in heading_departures(evidence))
+
+
+def likeness_of(evidence: Evidence, way: Way) -> Likeness | None:
+    """Return how a way is like the vehicle's own; None where nothing tells that, or the vehicle moved too little."""
+    position = evidence.position
+    if position is None or not is_of_one_time(evidence):
+        return None
+    found = estimate_likeness(
+        way.arrival_us, way.pos_m, *reference_of(position), noise_m=position.noise_m, breaks_us=way.breaks_us
+    )
+    return found if found.sufficient else None
+
+
+def is_related(evidence: Evidence, poses: Poses) -> bool:
+    """Return whether positions move with the vehicle, so that their axes and scale can be asked for."""
+    for one, way in ways_of_poses(evidence):
+        found = likeness_of(evidence, way) if one is poses else None
+        if found is not None:
+            return found.correlation >= RELATED and found.unlike < UNLIKE
+    return True
+
+
+def lasting(time_us: Ints, mask: Bools) -> Bools:
+    """Return a mask without what lasts no longer than a second."""
+    edges = np.flatnonzero(np.diff(mask.astype(np.int8))) + 1
+    kept = mask.copy()
+    for run in np.split(np.arange(len(mask)), edges):
+        if len(run) and time_us[run[-1]] - time_us[run[0]] <= _LASTING_US:
+            kept[run] = False
+    return kept

@@ -1,0 +1,490 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XNF: optical flow, and whether the filter can navigate by it."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from ekf_stub.inputs.sources import SETS, SourceXY
+from viso.doctor.checks.check import Severity, Sighting, check
+from viso.doctor.checks.ground_set_up import (
+    AIR_M,
+    FLOW_BIT,
+    is_in_flight,
+    is_recorded,
+    range_finders,
+    seen,
+    told,
+    unheard,
+)
+from viso.doctor.checks.phrases import at, how_often, listed, share
+from viso.doctor.evidence.evidence import Evidence
+from viso.doctor.evidence.flow_fit import FlowFit
+from viso.doctor.evidence.ground_sensors import FLOW, RANGE
+from viso.doctor.evidence.own_filter import Witness
+from viso.estimators.series import stretches_of
+
+_MAVLINK: Final = 5
+_TO_NAVIGATE: Final = 1
+_TERRAIN_ONLY: Final = 2
+_UNHEALTHY_US: Final = 500_000
+_STOPS_US: Final = 5_000_000
+_SLOW_US: Final = 200_000
+_FEWEST: Final = 20
+_SOME: Final = 0.05
+_MUCH: Final = 0.3
+_OFF, _FAR_OFF = 0.2, 0.4
+_TURNED_DEG: Final = 15.0
+_AVERAGE_MS: Final = 50.0
+_LATE_MS: Final = 60.0
+_VERY_LATE_MS: Final = 150.0
+_LARGEST_DELAY_MS: Final = 127
+_SENSOR_LIMIT: Final = 4.2
+_MAX_FLOW: Final = 2.5
+_FROZEN_US: Final = 3_000_000
+_MOVES: Final = 0.05
+_COARSE_S: Final = 0.05
+_VERY_COARSE_S: Final = 0.1
+_LARGEST_SCALER: Final = 800
+
+_MAV_DRIVER: Final = "AP_OpticalFlow_MAV.cpp, AP_OpticalFlow_MAV::update"
+_WRITE: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeOptFlowMeas"
+_FUSE: Final = "AP_NavEKF3_OptFlowFusion.cpp, NavEKF3_core::FuseOptFlow"
+_TERRAIN: Final = "AP_NavEKF3_OptFlowFusion.cpp, NavEKF3_core::EstimateTerrainOffset"
+_AIDING: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
+
+
+def _asking(evidence: Evidence) -> list[int]:
+    """Return the source sets that take their velocity from flow."""
+    return [number for number in range(1, SETS + 1) if evidence.source("VELXY", number) == SourceXY.OPTFLOW]
+
+
+@check(
+    code="XNF-01",
+    severity=Severity.ERROR,
+    title="A source asks for optical flow that is not there",
+    firmware=(
+        "The filter waits for flow, and does not start to navigate by it; with FLOW_TYPE 0 arming is refused, EK3 "
+        "sources require OpticalFlow."
+    ),
+    source=_AIDING,
+    fix=(
+        "Set FLOW_TYPE to the sensor that there is (5 for OPTICAL_FLOW over MAVLink) and EK3_FLOW_USE 1, reboot, and "
+        "find out why it sends nothing; or set EK3_SRCn_VELXY to a sensor that the vehicle has."
+    ),
+    witness=Witness.LOG,
+)
+def flow_missing(evidence: Evidence) -> Iterator[Sighting]:
+    sets = _asking(evidence)
+    if not sets:
+        return
+    names = listed([f"EK3_SRC{number}_VELXY" for number in sets])
+    severity = None if sets[0] == 1 else Severity.WARNING
+    kind, use = told(evidence, "FLOW_TYPE"), evidence.told.get("EK3_FLOW_USE")
+    if kind == 0:
+        yield Sighting(f"{names} 5 (OptFlow), and FLOW_TYPE is 0", severity=severity)
+    elif use is not None and use != _TO_NAVIGATE:
+        yield Sighting(f"{names} 5 (OptFlow), and EK3_FLOW_USE is {use:g}: it is not to navigate by", severity=severity)
+    elif not evidence.ground.flows and (found := unheard(evidence, FLOW, severity)) is not None:
+        of = "" if kind is None else f" (FLOW_TYPE {kind:g})"
+        yield Sighting(f"{names} 5 (OptFlow), and no flow was heard{of}{found[0]}", severity=found[1])
+
+
+@check(
+    code="XNF-02",
+    severity=Severity.WARNING,
+    title="Optical flow that nothing uses",
+    firmware=(
+        "OPTICAL_FLOW reaches a driver only with FLOW_TYPE 5. The filter then fuses it if a source asks for it, or "
+        "uses it for the height of the ground with EK3_FLOW_USE 2."
+    ),
+    source="AP_OpticalFlow.cpp, AP_OpticalFlow::handle_msg",
+    fix="Set FLOW_TYPE 5 for flow over MAVLink and reboot, and EK3_SRCn_VELXY 5 to navigate by it.",
+    witness=Witness.LOG,
+)
+def flow_unused(evidence: Evidence) -> Iterator[Sighting]:
+    kind, use = told(evidence, "FLOW_TYPE"), told(evidence, "EK3_FLOW_USE")
+    for flow in evidence.ground.flows:
+        everything = np.ones(len(flow), np.bool_)
+        if flow.units is not None and kind is not None and kind != _MAVLINK:
+            yield seen(f"{len(flow)} messages, and FLOW_TYPE is {kind:g}", flow, everything)
+        elif not _asking(evidence) and use is not None and use != _TERRAIN_ONLY and "EK3_SRC1_VELXY" in evidence.told:
+            text = f"no EK3_SRCn_VELXY is 5 (OptFlow), and EK3_FLOW_USE is {use:g}"
+            yield seen(text, flow, everything, Severity.NOTE)
+
+
+@check(
+    code="XNF-03",
+    severity=Severity.ERROR,
+    title="The flow sensor sees nothing",
+    firmware="Flow of quality 0 is dropped before the filter; any other quality counts the same.",
+    source=_WRITE,
+    fix=(
+        "Look at light, focus and texture of the ground, and at the height: a camera out of focus, or above a surface "
+        "without texture, tracks nothing."
+    ),
+    witness=Witness.LOG,
+)
+def flow_quality(evidence: Evidence) -> Iterator[Sighting]:
+    for flow in evidence.ground.flows:
+        flying = is_in_flight(evidence, flow.time_us)
+        bad = flying & (flow.quality == 0)
+        if bad.sum() > _SOME * flying.sum() and bad.sum() >= _FEWEST:
+            much = bad.sum() > _MUCH * flying.sum()
+            text = f"quality is 0 in {share(int(bad.sum()), int(flying.sum()))} measurements"
+            yield seen(text, flow, bad, None if much else Severity.WARNING)
+
+
+@check(
+    code="XNF-04",
+    severity=Severity.ERROR,
+    title="Optical flow has gaps",
+    firmware=(
+        "After half a second without flow the sensor is unhealthy, and with FLOW_TYPE 5 the first flow after that "
+        "counts as zero; after 5 s the filter stops navigating, if nothing else gives it a velocity. It begins only "
+        "while the last flow is younger than 200 ms."
+    ),
+    source=_AIDING,
+    fix="Find out what stops the sensor or its link; send ten measurements per second at least.",
+    witness=Witness.LOG,
+)
+def flow_gaps(evidence: Evidence) -> Iterator[Sighting]:
+    for flow in evidence.ground.flows:
+        if len(flow) < 2:
+            continue
+        period_us = np.diff(flow.time_us)
+        if np.median(period_us) > _SLOW_US and flow.has_all:
+            rate = 1e6 / float(np.median(period_us))
+            yield seen(f"{rate:.1f} measurements per second", flow, np.ones(len(flow), np.bool_))
+            continue
+        least_us = max(_UNHEALTHY_US, 3 * float(np.median(period_us)))
+        gap = np.append(False, period_us > least_us) & is_in_flight(evidence, flow.time_us)
+        if gap.any():
+            longest = int(np.argmax(np.where(gap[1:], period_us, 0)))
+            took_s, since_us = period_us[longest] * 1e-6, flow.time_us[longest]
+            text = (
+                f"no flow for more than {1e-6 * least_us:.1f} s, {how_often(int(gap.sum()))}; the longest gap of "
+                f"{took_s:.1f} s from {at(since_us)} on"
+            )
+            stops = period_us[longest] >= _STOPS_US and bool(_asking(evidence)) and not evidence.source("POSXY")
+            severity = None if stops else Severity.WARNING
+            yield seen(text, flow, gap, severity)
+
+
+def _fits(evidence: Evidence, of: str) -> Iterator[FlowFit]:
+    for fit in evidence.flow_fits:
+        if fit.of == of and fit.is_judged:
+            yield fit
+
+
+def _throughout(fit: FlowFit, text: str, fix: str | None = None, severity: Severity | None = None) -> Sighting:
+    """Return what all records of a sensor show together."""
+    start_us, end_us = (int(time_us) for time_us in fit.flow.time_us[[0, -1]])
+    return Sighting(f"{fit.flow.origin}: {text}", (), start_us, end_us, fix, severity)
+
+
+def _witness(fit: FlowFit) -> str:
+    """Return what tells, in words."""
+    return f"the {'turning' if fit.by_turning else 'velocity over the distance to the ground'} of {fit.by}"
+
+
+def _is_ranged(evidence: Evidence) -> bool:
+    """Return whether a range is known; else the height above the start stands for it, as if the ground were level."""
+    return any(one.looks_down and one.is_good.any() for one in evidence.ground.ranges)
+
+
+def _scaler(evidence: Evidence, fit: FlowFit) -> str:
+    """Return the scale parameters that would put a sensor right, in words."""
+    found = []
+    for axis, factor in zip("XY", fit.factors, strict=True):
+        now = told(evidence, f"FLOW_F{axis}SCALER") or 0.0
+        wanted = 1000 * ((1 + 0.001 * now) / factor - 1)
+        if abs(wanted) > _LARGEST_SCALER:
+            return "Send flow in rad/s (divided by the period of the messages with FLOW_TYPE 5): no scaler goes so far."
+        found.append(f"FLOW_F{axis}SCALER {wanted:.0f}")
+    driver = " With FLOW_TYPE 5 the scale goes with the time between messages." if fit.flow.units is not None else ""
+    return f"Set {' and '.join(found)}, or put the sensor right.{driver}"
+
+
+@check(
+    code="XNF-05",
+    severity=Severity.ERROR,
+    title="Optical flow of another scale",
+    firmware=(
+        "The filter reads flow as rad/s. Velocities from it are wrong by the same factor, and what rotation leaves in "
+        "the flow looks like motion."
+    ),
+    source=_FUSE,
+    fix="Set FLOW_FXSCALER and FLOW_FYSCALER, in thousandths.",
+    witness=Witness.LOG,
+)
+def flow_scale(evidence: Evidence) -> Iterator[Sighting]:
+    for fit in _fits(evidence, "flow"):
+        x, y = fit.factors
+        off = max(abs(x - 1), abs(y - 1))
+        limit = _FAR_OFF if fit.is_whole and not _is_ranged(evidence) else _OFF
+        if off > limit and (fit.by_turning or _is_ranged(evidence)):
+            text = f"flow about x is {x:.2f} times, about y {y:.2f} times what {_witness(fit)} makes"
+            severity = None if off > _FAR_OFF else Severity.WARNING
+            yield _throughout(fit, f"{text}, in {fit.count} measurements", _scaler(evidence, fit), severity)
+
+
+@check(
+    code="XNF-06",
+    severity=Severity.ERROR,
+    title="Axes of the flow sensor mixed up",
+    firmware=(
+        "The flow is rotated by FLOW_ORIENT_YAW, and nothing mirrors it. With wrong axes the vehicle's own rotation "
+        "counts as motion, and it runs away."
+    ),
+    source="AP_OpticalFlow_Backend.cpp, OpticalFlow_backend::_applyYaw",
+    fix="Set FLOW_ORIENT_YAW to how the sensor is mounted; correct mirrored axes in the sender.",
+    witness=Witness.LOG,
+)
+def flow_axes(evidence: Evidence) -> Iterator[Sighting]:
+    for fit in _fits(evidence, "flow"):
+        turned = fit.turned_deg
+        if fit.is_mirrored:
+            fix = "No FLOW_ORIENT_YAW mends that: change the sign, or swap the axes, where the flow is made."
+            what = f"its axes are mirrored ({fit.axes})"
+        elif abs(turned) > _TURNED_DEG:
+            now = told(evidence, "FLOW_ORIENT_YAW") or 0.0
+            wanted = 100 * -round((180 - (0.01 * now + turned)) % 360 - 180)
+            fix = f"Set FLOW_ORIENT_YAW to about {wanted} (0.01 degrees) if that is how it is mounted."
+            what = f"it is turned by {turned % 360:.0f} degrees (clockwise from above)"
+        else:
+            continue
+        yield _throughout(fit, f"{what}, as {_witness(fit)} shows in {fit.count} measurements", fix)
+
+
+@check(
+    code="XNF-07",
+    severity=Severity.WARNING,
+    title="EK3_FLOW_DELAY does not fit",
+    firmware=(
+        "The filter dates flow EK3_FLOW_DELAY and 50 ms before its arrival, as an average over 100 ms. Later flow is "
+        "compared with the motion of another moment: rotation looks like velocity."
+    ),
+    source=_WRITE,
+    fix="Set EK3_FLOW_DELAY, at most 127 ms, and reboot.",
+    witness=Witness.LOG,
+)
+def flow_delay(evidence: Evidence) -> Iterator[Sighting]:
+    delay_ms = told(evidence, "EK3_FLOW_DELAY")
+    for fit in _fits(evidence, "flow"):
+        if not fit.is_timed or delay_ms is None:
+            continue
+        late_ms = fit.lag_ms - delay_ms
+        if late_ms > _AVERAGE_MS + _LATE_MS or late_ms < -_LATE_MS:
+            wanted = min(max(fit.lag_ms - _AVERAGE_MS, 0.0), float(_LARGEST_DELAY_MS))
+            yield _throughout(
+                fit,
+                f"flow comes {fit.lag_ms:.0f} ms after the turning that it shows; EK3_FLOW_DELAY is {delay_ms:.0f}",
+                f"Set EK3_FLOW_DELAY to about {wanted:.0f}, at most {_LARGEST_DELAY_MS}, and reboot.",
+                Severity.ERROR if late_ms > _AVERAGE_MS + _VERY_LATE_MS else None,
+            )
+
+
+@check(
+    code="XNF-08",
+    severity=Severity.ERROR,
+    title="The flow sensor's own gyro disagrees",
+    firmware=(
+        "The filter subtracts the sensor's body rates from its flow, and learns their bias against its own gyro. Rates "
+        "in other axes leave the rotation in the flow."
+    ),
+    source=_WRITE,
+    fix="Look at how the sensor is mounted, and at the driver's axes.",
+    witness=Witness.LOG,
+)
+def flow_gyro(evidence: Evidence) -> Iterator[Sighting]:
+    for fit in evidence.flow_fits:
+        if fit.of != "gyro" or fit.matrix is None:
+            continue
+        x, y = fit.factors
+        is_off = fit.is_mirrored or abs(fit.turned_deg) > _TURNED_DEG or max(abs(x - 1), abs(y - 1)) > _OFF
+        if not np.ptp(np.nan_to_num(fit.flow.body), axis=0).any():
+            yield _throughout(fit, "the sensor's body rates are always the same while the vehicle turns")
+        elif fit.is_judged and is_off:
+            how = fit.axes if fit.is_mirrored else f"turned by {fit.turned_deg % 360:.0f} degrees"
+            size = f"{x:.2f} times as large about x and {y:.2f} times about y"
+            yield _throughout(fit, f"against the vehicle's gyro the sensor's is {how}, {size}")
+
+
+@check(
+    code="XNF-09",
+    severity=Severity.WARNING,
+    title="FLOW_TYPE 5 multiplies flow by its period",
+    firmware=(
+        "It reads only flow_x and flow_y of OPTICAL_FLOW, which are integers, and multiplies their mean by the time "
+        "since the last flow. So it expects rad/s divided by the period, not tenths of a pixel, and does not use "
+        "flow_rate_x."
+    ),
+    source=_MAV_DRIVER,
+    fix=(
+        "Send flow_x and flow_y as the rate in rad/s divided by the period of the messages in s. Send them often and "
+        "evenly: a step of one is as many rad/s as the period has seconds."
+    ),
+)
+def flow_period(evidence: Evidence) -> Iterator[Sighting]:
+    for flow in evidence.ground.flows:
+        if flow.units is None or flow.sent_rate is None or len(flow) < _FEWEST:
+            continue
+        everything = np.ones(len(flow), np.bool_)
+        sent, taken = flow.sent_rate, flow.rate
+        known = np.isfinite(sent).all(axis=1) & (np.abs(sent).max(axis=1) > 0)
+        size = float((sent[known] ** 2).sum())
+        factor = float((sent[known] * taken[known]).sum()) / size if known.sum() >= _FEWEST else 1.0
+        period_s = float(np.median(np.diff(flow.time_us))) * 1e-6
+        if abs(factor - 1) > _OFF:
+            text = f"of what flow_rate_x and flow_rate_y say the autopilot takes {factor:.3g} times as much"
+            yield seen(text, flow, known, Severity.ERROR)
+        elif period_s >= _COARSE_S and flow.units.any():
+            text = f"a message every {1e3 * period_s:.0f} ms: flow comes in steps of {period_s:.2f} rad/s"
+            yield seen(text, flow, everything, None if period_s >= _VERY_COARSE_S else Severity.NOTE)
+
+
+@check(
+    code="XNF-10",
+    severity=Severity.WARNING,
+    title="Flow faster than the filter accepts",
+    firmware=(
+        "Flow of 4.2 rad/s and more is dropped, and flow above EK3_MAX_FLOW is not fused. Copter's controllers keep "
+        "the speed below that for the height that they know."
+    ),
+    source=_FUSE,
+    fix="Fly slower or higher, or set EK3_MAX_FLOW to what the sensor can.",
+    witness=Witness.LOG,
+)
+def flow_too_fast(evidence: Evidence) -> Iterator[Sighting]:
+    names = ("EK3_MAX_FLOW", "EK3_FLOW_MAX")
+    limit = next((value for name in names if (value := evidence.told.get(name))), _MAX_FLOW)
+    for flow in evidence.ground.flows:
+        size = np.nan_to_num(np.abs(flow.rate)).max(axis=1)
+        fast = (size > min(limit, _SENSOR_LIMIT)) & (flow.quality > 0)
+        if fast.sum() > _SOME * len(flow) and fast.sum() >= _FEWEST:
+            text = f"{share(int(fast.sum()), len(flow))} measurements are above {min(limit, _SENSOR_LIMIT):g} rad/s"
+            yield seen(f"{text}, up to {size.max():.1f}", flow, fast)
+
+
+@check(
+    code="XNF-11",
+    severity=Severity.ERROR,
+    title="Flow stands still while the vehicle moves",
+    firmware="Nothing detects repeated values: the filter fuses them as a velocity.",
+    source=_FUSE,
+    fix="Restart the sensor, and look at its program and link.",
+    witness=Witness.LOG,
+)
+def flow_frozen(evidence: Evidence) -> Iterator[Sighting]:
+    turning = evidence.ground.turning
+    for flow in evidence.ground.flows:
+        # What a companion sends is multiplied by a period that varies.
+        said = flow.rate if flow.units is None else flow.units
+        same = np.append(False, (np.diff(said, axis=0) == 0).all(axis=1))
+        same &= np.append(False, np.diff(flow.time_us) < _UNHEALTHY_US)
+        for start, end in stretches_of(same):
+            since, until = int(flow.time_us[start - 1]), int(flow.time_us[end - 1])
+            inside = (turning[:, 0] >= since) & (turning[:, 0] <= until - _UNHEALTHY_US)  # flow may be late
+            step = 2 * float(np.median(np.diff(flow.time_us))) * 1e-6 if flow.units is not None else 0.0
+            if until - since < _FROZEN_US or end - start < _FEWEST or inside.sum() < _FEWEST:
+                continue
+            if turning[inside, 1:3].std(axis=0).max() > max(_MOVES, step):
+                text = f"the same flow for {1e-6 * (until - since):.1f} s from {at(since)} on, while the vehicle turns"
+                yield seen(text, flow, (flow.time_us >= since) & (flow.time_us <= until))
+                break
+
+
+@check(
+    code="XNF-12",
+    severity=Severity.ERROR,
+    title="Flow without a distance to the ground",
+    firmware=(
+        "Flow is an angle: velocity is flow times height above the ground. Without a good range the filter does not "
+        "know where the ground is; with flow alone it then has no horizontal position, and arming for a mode that "
+        "needs one is refused."
+    ),
+    source=_TERRAIN,
+    fix=(
+        "Fit a range finder that looks down (RNGFND1_TYPE, RNGFND1_ORIENT 25), whose minimum is below its height on "
+        "the ground."
+    ),
+    witness=Witness.LOG,
+)
+def flow_without_range(evidence: Evidence) -> Iterator[Sighting]:
+    if 1 not in _asking(evidence) or told(evidence, "EK3_FLOW_USE") == 0:
+        return
+    down = [one for one in evidence.ground.ranges if one.looks_down]
+    if any(one.is_good.any() for one in down):
+        return
+    alone = None if not evidence.source("POSXY") else Severity.WARNING
+    if down:
+        yield Sighting(f"EK3_SRC1_VELXY is 5 (OptFlow), and {down[0].origin} told no good range", severity=alone)
+    elif range_finders(evidence) == []:
+        yield Sighting("EK3_SRC1_VELXY is 5 (OptFlow), and no RNGFNDn_TYPE is set", severity=alone)
+    elif (found := unheard(evidence, RANGE, alone)) is not None:
+        text = f"EK3_SRC1_VELXY is 5 (OptFlow), and no range of what looks down was heard{found[0]}"
+        yield Sighting(text, severity=found[1])
+
+
+@check(
+    code="XNF-13",
+    severity=Severity.ERROR,
+    title="The autopilot's own filter rejected flow",
+    firmware=(
+        "Flow whose test ratio is above 1 is not fused. While that lasts the velocity drifts with the accelerometers."
+    ),
+    source=_FUSE,
+    fix="See the findings about scale, axes, delay and ranges; a shiny or moving ground is rejected as well.",
+    witness=Witness.LOG,
+)
+def flow_rejected(evidence: Evidence) -> Iterator[Sighting]:
+    check = evidence.ground.check
+    if not evidence.ground.flows or not _asking(evidence) or not len(check):
+        return
+    flying = is_in_flight(evidence, check[:, 0].astype(np.int64)) & (check[:, 2] > AIR_M)
+    over = flying & (check[:, 1] > 1)
+    if over.sum() > _SOME * flying.sum() and over.sum() >= _FEWEST:
+        part = share(int(over.sum()), int(flying.sum()))
+        first, last = check[np.flatnonzero(over)[[0, -1]], 0]
+        yield Sighting(
+            f"the autopilot's own test ratio of flow (XKF5.NI) was above 1 in {part} records in flight",
+            start_us=int(first),
+            end_us=int(last),
+            severity=None if over.sum() > _MUCH * flying.sum() else Severity.WARNING,
+        )
+
+
+@check(
+    code="XNF-14",
+    severity=Severity.NOTE,
+    title="Flow that cannot be judged",
+    firmware="No finding here does not mean that the sensor is good.",
+    source=_FUSE,
+    fix=(
+        "Record a flight, or turn the vehicle by hand about roll and pitch over textured ground, with ATTITUDE or IMU "
+        "records in the recording; bit 11 of LOG_BITMASK logs flow, bit 4 ranges."
+    ),
+    witness=Witness.LOG,
+)
+def flow_not_judged(evidence: Evidence) -> Iterator[Sighting]:
+    for fit in evidence.flow_fits:
+        if fit.of != "flow":
+            continue
+        why = fit.why_not
+        if not why and not fit.is_judged:
+            why = f"the vehicle's motion explains {100 * max(min(fit.explained), 0):.0f} % of the flow, or less"
+        if why:
+            yield Sighting(f"{fit.flow.origin}: scale, axes and delay: {why}")
+            continue
+        if not fit.is_timed:
+            yield Sighting(f"{fit.flow.origin}: delay: the vehicle turned too smoothly to tell")
+        if fit.is_whole and not _is_ranged(evidence):
+            yield Sighting(f"{fit.flow.origin}: scale: no range was good, so only one that is far off is told")
+    if _asking(evidence) and not evidence.ground.flows:
+        if not is_recorded(evidence, FLOW_BIT):
+            yield Sighting("EK3_SRCn_VELXY is 5 (OptFlow), and LOG_BITMASK does not say that flow is logged (OF)")
+        elif evidence.ground.health.get(FLOW):
+            yield Sighting("SYS_STATUS calls the flow sensor healthy, and its flow is not in the recording")

@@ -1,0 +1,333 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN8: does the stream move as the vehicle does at all, by those who do not take it from the stream?
+
+Axes, scale and delay, which stay the same all the time, are taken out before: they are for other rules.
+"""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from viso.doctor.checks.beside_vehicle import (
+    RELATED,
+    UNLIKE,
+    Way,
+    aligned_us,
+    heading_departures,
+    is_of_one_time,
+    lasting,
+    leaves,
+    likeness_of,
+    reference_of,
+    ways_of_poses,
+    ways_of_velocities,
+)
+from viso.doctor.checks.check import Severity, Sighting, check
+from viso.doctor.checks.phrases import at, share
+from viso.doctor.evidence.compare import ALIGNING_TYPES
+from viso.doctor.evidence.evidence import EXTNAV, Evidence
+from viso.doctor.evidence.motion import FEWEST_WINDOWS, LEAST_SPEED, Motion, motions_of, typical_speed
+from viso.doctor.evidence.own_filter import Witness
+from viso.doctor.evidence.tracks import Bools, Floats, Ints
+from viso.doctor.evidence.vehicle_position import LevelSeries
+from viso.estimators.likeness import Rest, departure, rests
+from viso.estimators.positions import interpolated
+
+_FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
+_HEIGHT: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion"
+_YAW: Final = "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw"
+_SETS: Final = (1, 2, 3)
+_GROSS_DEG: Final = 10.0
+_GROSS_AT_WORST_DEG: Final = 30.0
+_SECOND_US: Final = 1_000_000
+_STILL: Final = 0.2
+_NO_SCALE: Final = 0.05
+_MOSTLY: Final = 0.5
+_WANDERS: Final = 5.0
+_LEAST_M: Final = 1.0
+_LEAST_MS: Final = 0.3
+_OF_HEIGHT: Final = 3.0
+_OF_WAY: Final = 0.1
+_OF_CLIMB: Final = 0.5
+_LONG_GAP_S: Final = 2.5
+_SLOW_WINDOW_S: Final = 2.0
+_HALF: Final = 0.5
+_JUMP: Final = 4.0
+_FASTEST_M_S: Final = 1e5
+
+
+def _takes(evidence: Evidence, *names: str) -> Severity | None:
+    """Return that the filter takes a kind of data in some set of sources at the rule's worst, else at a warning's."""
+    taken = any(evidence.source(name, number) == EXTNAV for name in names for number in _SETS)
+    return None if taken else Severity.WARNING
+
+
+@check(
+    code="XN8-10",
+    severity=Severity.ERROR,
+    title="The yaw does not follow the vehicle's",
+    firmware=(
+        "With EK3_SRC1_YAW 6 it is the heading, or is rejected by EK3_YAW_I_GATE until the filter resets to it; else "
+        "positions and velocities of a frame that turns are used as if it were fixed."
+    ),
+    source=_YAW,
+    fix=(
+        "Look for a source that loses its heading: too few features, a gyro with a bias, an attitude taken from "
+        "another frame than the positions. Until that is mended, take the heading from a compass (EK3_SRC1_YAW 1), and "
+        "use no positions."
+    ),
+    witness=Witness.LOG,
+)
+def yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
+    is_aligned = evidence.viso_type in ALIGNING_TYPES and aligned_us(evidence)
+    for heading in () if is_aligned else heading_departures(evidence):
+        mask = leaves(heading)
+        if mask.any():
+            off_deg, track = np.degrees(np.abs(heading.off_rad)), heading.poses.track
+            middle_deg, worst_deg = float(np.median(off_deg)), float(off_deg[mask].max())
+            is_gross = middle_deg > _GROSS_DEG or worst_deg > _GROSS_AT_WORST_DEG
+            count = share(int(np.count_nonzero(mask)), len(mask))
+            yield Sighting.in_track(
+                f"{track.sender}: the yaw is more than 10 deg from the vehicle's own ({heading.told_by}) in {count} "
+                f"messages, by {middle_deg:.0f} deg in the middle of all and {worst_deg:.0f} deg at worst within "
+                f"{track.span_s:.0f} s, a constant difference taken off; the first at "
+                f"{at(track.arrival_us[heading.chosen[mask][0]])}",
+                track,
+                heading.chosen[mask],
+                severity=None if is_gross else Severity.WARNING,
+            )
+
+
+def _unlike(evidence: Evidence, way: Way, what: str, severity: Severity | None) -> Iterator[Sighting]:
+    """Yield that a way is none of the vehicle's."""
+    found, position = likeness_of(evidence, way), evidence.position
+    if found is None or position is None:
+        return
+    is_related = found.correlation >= RELATED
+    is_still = found.ratio < (_NO_SCALE if is_related else _STILL)
+    if is_related and found.unlike < UNLIKE and not is_still:
+        return
+    is_gross = is_still or (not is_related and found.unlike > _MOSTLY)
+    yield Sighting.in_track(
+        f"{way.track.sender}: the vehicle moved {found.flown_m:.1f} m by its own path ({position.origin}) within "
+        f"{found.span_s:.0f} s, and {what} went {found.seen_m:.2f} m meanwhile; turned and moved to fit best "
+        f"(correlation {found.correlation:.2f}), the two are {found.median_m:.1f} m apart in the middle, "
+        f"{found.worst_m:.1f} m at worst",
+        way.track,
+        way.chosen,
+        severity=severity if is_gross else Severity.WARNING,
+    )
+
+
+@check(
+    code="XN8-11",
+    severity=Severity.ERROR,
+    title="Positions do not move with the vehicle",
+    firmware=(
+        "They are fused while they pass EK3_POS_I_GATE, and the estimate follows them. When they do not pass, position "
+        "times out after 7 s, and the filter resets to them."
+    ),
+    source=_FUSE,
+    fix=("Do not fly with this source. Check that it tracks at all, and that the sender sends its newest estimate."),
+    witness=Witness.LOG,
+)
+def positions_unrelated(evidence: Evidence) -> Iterator[Sighting]:
+    for _, way in ways_of_poses(evidence):
+        yield from _unlike(evidence, way, "positions", _takes(evidence, "POSXY"))
+
+
+def _at_rest(evidence: Evidence, way: Way) -> list[Rest]:
+    position = evidence.position
+    if position is None or not is_of_one_time(evidence):
+        return []
+    return rests(way.arrival_us, way.pos_m, *reference_of(position), noise_m=position.noise_m, breaks_us=way.breaks_us)
+
+
+@check(
+    code="XN8-12",
+    severity=Severity.ERROR,
+    title="Positions move while the vehicle stands",
+    firmware=(
+        "The estimate follows them as far as the gate allows, and a vehicle that holds its position flies after the "
+        "estimate."
+    ),
+    source=_FUSE,
+    fix=("Look for a source that has lost its track and goes on by inertial data alone, or sees something else move."),
+    witness=Witness.LOG,
+)
+def moves_while_standing(evidence: Evidence) -> Iterator[Sighting]:
+    noise_m = 0.0 if evidence.position is None else evidence.position.noise_m
+    for _, way in ways_of_poses(evidence):
+        moved = [
+            one
+            for one in _at_rest(evidence, way)
+            if one.stream_m > max(_LEAST_M, _WANDERS * noise_m, _WANDERS * one.reference_m)
+        ]
+        yield from _standing(evidence, way, moved, "positions move over", _takes(evidence, "POSXY"))
+
+
+def _standing(
+    evidence: Evidence, way: Way, moved: list[Rest], what: str, severity: Severity | None
+) -> Iterator[Sighting]:
+    if not moved or evidence.position is None:
+        return
+    worst = max(moved, key=lambda one: one.stream_m)
+    arrival_us = way.arrival_us
+    shown = np.zeros(len(arrival_us), dtype=np.bool_)
+    for one in moved:
+        shown |= (arrival_us >= one.start_us) & (arrival_us <= one.end_us)
+    yield Sighting.in_track(
+        f"{way.track.sender}: the vehicle stands by its own path ({evidence.position.origin}), within "
+        f"{worst.reference_m:.2f} m from {at(worst.start_us)} to {at(worst.end_us)}, and {what} "
+        f"{worst.stream_m:.2f} m",
+        way.track,
+        way.chosen[shown],
+        severity=severity,
+    )
+
+
+@check(
+    code="XN8-13",
+    severity=Severity.ERROR,
+    title="The height leaves the vehicle's",
+    firmware="With EK3_SRC1_POSZ 6 the vehicle climbs or sinks after it.",
+    source=_HEIGHT,
+    fix=(
+        "Take the height from the barometer (EK3_SRC1_POSZ 1, VELZ 0), and look for a scale or a tilt that the source "
+        "gets wrong."
+    ),
+    witness=Witness.LOG,
+)
+def height_leaves(evidence: Evidence) -> Iterator[Sighting]:
+    level = evidence.level
+    if level is None or not is_of_one_time(evidence):
+        return
+    for _, way in ways_of_poses(evidence):
+        time_s, level_s = (np.asarray(time_us * 1e-6, np.float64) for time_us in (way.arrival_us, level.time_us))
+        there, known = interpolated(level_s, level.down_m[:, None], time_s, _LONG_GAP_S)
+        for part in _parts(way):
+            inside = np.flatnonzero(known & part)
+            if len(inside) < FEWEST_WINDOWS:
+                continue
+            sighting = _height_of(evidence, way, inside, there[inside, 0], level)
+            if sighting is not None:
+                yield sighting
+                break
+
+
+def _height_of(evidence: Evidence, way: Way, inside: Ints, vehicle_m: Floats, level: LevelSeries) -> Sighting | None:
+    """Return how far z leaves the vehicle's height in some messages of a way; None if it keeps to it."""
+    down_m, time_us = way.pos_m[inside, 2], way.arrival_us[inside]
+    off_m = departure(down_m, vehicle_m, least_m=4 * level.noise_m)
+    off_m = np.asarray(off_m - np.median(off_m[: FEWEST_WINDOWS // 2]), dtype=np.float64)
+    climbed_m = float(np.ptp(vehicle_m))
+    allowed_m = max(_LEAST_M, _OF_HEIGHT * level.noise_m, _OF_CLIMB * climbed_m, _OF_WAY * _length(way, inside))
+    mask = lasting(time_us, np.asarray(np.abs(off_m) > allowed_m))
+    if not mask.any():
+        return None
+    worst = int(np.argmax(np.where(mask, np.abs(off_m), 0.0)))
+    where = "below" if off_m[worst] > 0 else "above"
+    return Sighting.in_track(
+        f"{way.track.sender}: at {at(time_us[worst])} z is {abs(off_m[worst]):.1f} m {where} the vehicle's own height "
+        f"({level.origin}), both counted from the start; within {np.ptp(time_us) * 1e-6:.0f} s that height changes by "
+        f"{climbed_m:.1f} m in all, z by {np.ptp(down_m):.1f} m",
+        way.track,
+        way.chosen[inside[mask]],
+        severity=_takes(evidence, "POSZ"),
+    )
+
+
+def _parts(way: Way) -> Iterator[Bools]:
+    """Yield which messages come between one new beginning of a stream and the next."""
+    number = np.searchsorted(way.breaks_us, way.arrival_us, side="right")
+    for part in np.unique(number).tolist():
+        yield np.asarray(number == part, dtype=np.bool_)
+
+
+def _length(way: Way, inside: Ints) -> float:
+    """Return how long a way is over the ground, by its places a second apart."""
+    second = way.arrival_us[inside] // _SECOND_US
+    places = way.pos_m[inside][np.diff(second, prepend=-1) > 0, :2]
+    return float(np.sum(np.linalg.norm(np.diff(places, axis=0), axis=1)))
+
+
+@check(
+    code="XN8-14",
+    severity=Severity.ERROR,
+    title="Velocities do not fit the vehicle's",
+    firmware=(
+        "They are fused while they pass EK3_VEL_I_GATE, and pull the estimate along; rejected ones do not time out "
+        "while positions pass."
+    ),
+    source=_FUSE,
+    fix=(
+        "Set EK3_SRC1_VELXY and VELZ to 0 until the source's velocity is right: look at its frame, its unit and its "
+        "time."
+    ),
+    witness=Witness.LOG,
+)
+def velocities_unrelated(evidence: Evidence) -> Iterator[Sighting]:
+    severity = _takes(evidence, "VELXY", "VELZ")
+    for velocities, way in ways_of_velocities(evidence):
+        if not np.any(velocities.used[way.chosen]):
+            continue
+        yield from _unlike(evidence, way, "velocities", severity)
+        moved = [
+            one
+            for one in _at_rest(evidence, way)
+            if one.stream_m > max(_LEAST_MS * (one.end_us - one.start_us) * 1e-6, _WANDERS * one.reference_m)
+        ]
+        yield from _standing(evidence, way, moved, "velocities lead over", severity)
+
+
+@check(
+    code="XN8-15",
+    severity=Severity.ERROR,
+    title="Velocities and positions are not of one motion",
+    firmware=(
+        "The filter gets two measurements that contradict each other, and follows the one with the smaller error."
+    ),
+    source=_FUSE,
+    fix=(
+        "One of them is wrong: plot the positions' change beside the velocities. With EK3_SRC1_VELXY and VELZ 0 "
+        "positions alone are used."
+    ),
+)
+def two_motions(evidence: Evidence) -> Iterator[Sighting]:
+    for motion in motions_of(evidence.poses, evidence.velocities, _SLOW_WINDOW_S):
+        if len(motion.numbers) < FEWEST_WINDOWS or typical_speed(motion.path) < LEAST_SPEED or not np.any(motion.told):
+            continue
+        unlike = min(
+            _unlike_share(motion.path, sent) for sent in (motion.used, motion.told, motion.turned, motion.reordered)
+        )
+        if unlike > _MOSTLY:
+            yield Sighting.in_track(
+                f"{motion.velocity_sender} against {motion.pose_sender.name}: over {_span_s(motion):.0f} s positions "
+                f"move at {typical_speed(motion.path):.2f} m/s, velocities say {typical_speed(motion.used):.2f} m/s; "
+                f"{100 * unlike:.0f} % of the time they are off by more than half, whatever axes and scale are taken",
+                motion,
+                severity=_takes(evidence, "VELXY", "VELZ"),
+            )
+
+
+def _unlike_share(path: Floats, velocities: Floats) -> float:
+    """Return the share of windows in which velocities, turned and scaled to fit best, are off a path by half of it."""
+    usable = (np.abs(np.column_stack((path, velocities))) < _FASTEST_M_S).all(axis=1)
+    path, velocities = path[usable], velocities[usable]
+    if len(path) < FEWEST_WINDOWS:
+        return 0.0
+    speed = np.linalg.norm(path, axis=1)
+    steady = speed <= _JUMP * np.median(speed)
+    left, _, right = np.linalg.svd(path[steady].T @ velocities[steady])
+    turned = velocities @ (left @ right).T
+    energy = float(np.sum(turned[steady] ** 2))
+    scale = float(np.sum(turned[steady] * path[steady])) / energy if energy > 0 else 0.0
+    moving = steady & (speed > LEAST_SPEED)
+    off = np.linalg.norm(scale * turned - path, axis=1) > _HALF * speed
+    return float(np.mean(off[moving])) if np.count_nonzero(moving) >= FEWEST_WINDOWS else 0.0
+
+
+def _span_s(motion: Motion) -> float:
+    return float(motion.arrival_us[-1] - motion.arrival_us[0]) * 1e-6 + _SLOW_WINDOW_S

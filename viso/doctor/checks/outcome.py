@@ -1,0 +1,312 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN9: what the filter, a model of EKF3, makes of it, unless the vehicle's own is known to have done otherwise."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from ap_core.verdict import Outcome
+from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
+from ekf_stub.reports.aiding_mode import AidingMode
+from viso.doctor.checks.check import Severity, Sighting, check
+from viso.doctor.checks.phrases import at, how_often, share
+from viso.doctor.checks.resets import jumps_in
+from viso.doctor.evidence.evidence import EXTNAV, Evidence
+from viso.doctor.evidence.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY, YAW, OwnFilter, Witness
+from viso.doctor.evidence.sender_clock import time_base_us
+from viso.doctor.evidence.tracks import Floats, SeenMessage
+from viso.vehicle.outcomes.labels import Fate, fate_of
+from viso.vehicle.outcomes.watch import UNITS, AidingSpan
+
+_CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
+_FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
+_READY_US: Final = 8_000_000
+_REJECTED_SHARE: Final = 0.05
+_SILENCE_US: Final = 500_000
+_EPISODE_US: Final = 2_000_000
+_FEWEST_REJECTED: Final = 5
+_LOST_SHARE: Final = 0.2
+_WARNING: Final = 4  # MAV_SEVERITY
+_MOST_TEXTS: Final = 10
+_ACCELERATION_OVER_S: Final = 0.2
+_HARD: Final = 5.0  # m/s^2
+_IMPOSSIBLE: Final = 30.0
+_BEFORE_US: Final = 3_000_000
+_GATE_US: Final = 500_000
+_NEAR_US: Final = 10_000_000
+_CHANNEL_OF: Final = {"pose": POSITION, "height": HEIGHT, "velocity": VELOCITY, "yaw": YAW}
+_REFUSAL: Final = re.compile(r"(Pre)?Arm: |Internal")
+_CONCERNS: Final = ("VisOdom", "EKF", "AHRS", "Position", "aiding", "Internal")
+
+
+def _first_aiding(evidence: Evidence) -> AidingSpan | None:
+    return next((span for span in evidence.aiding if span.mode is not AidingMode.NONE), None)
+
+
+def _own_filter(evidence: Evidence) -> OwnFilter | None:
+    """Return what the vehicle's own filter said, if it was tried with the parameters that it flew with."""
+    own = evidence.own_filter
+    return own if own is not None and evidence.is_as_flown and own.flags.any() else None
+
+
+def _is_denied(evidence: Evidence) -> bool:
+    """Return whether the vehicle's own filter waited for external navigation all along, and never had a position."""
+    own = _own_filter(evidence)
+    return own is not None and bool((own.wants_extnav & own.running).any()) and not own.uses_extnav.any()
+
+
+def _kept_on(evidence: Evidence, stops: list[int]) -> str:
+    """Return that the vehicle's own filter went on where the model would stop; nothing if it did not, or nobody knows.
+
+    It is looked at for some time about each stop: a model is no clock.
+    """
+    own = _own_filter(evidence)
+    if own is None or not own.uses_extnav.any():
+        return ""
+    since_us = own.time_us[own.uses_extnav][0]
+    for stop_us in stops:
+        near = (own.time_us > max(stop_us - _EPISODE_US, since_us)) & (own.time_us < stop_us + _NEAR_US)
+        if not near.any() or not own.uses_extnav[near].all():
+            return ""
+    return f"; but the vehicle's own filter ({own.witness.value}) went on"
+
+
+def _passed(evidence: Evidence, kind: str) -> str:
+    """Return that the vehicle's own filter rejected nothing of a kind; nothing if it did, or nobody knows."""
+    own, channel = _own_filter(evidence), _CHANNEL_OF.get(kind)
+    if own is None or channel is None:
+        return ""
+    used = own.ratios[own.fed_by_extnav(channel) & own.running, channel]
+    used = used[np.isfinite(used)]
+    if not len(used) or used.max() > 1.0:
+        return ""
+    ratio = f"its {CHANNELS[channel]} test ratio was {used.max():.2f} at most"
+    return f"; but the vehicle's own filter ({own.witness.value}) passed all: {ratio}"
+
+
+def _accepted(evidence: Evidence) -> list[SeenMessage]:
+    return [one for one in evidence.vision if one.verdict.outcome is Outcome.ACCEPTED]
+
+
+@check(
+    code="XN9-01",
+    severity=Severity.NOTE,
+    title="Navigation by external navigation begins",
+    firmware="The EKF says that it is using external nav data, and flags its position as good.",
+    source=_CONTROL,
+    fix="Nothing.",
+    witness=Witness.MODEL,
+)
+def would_aid(evidence: Evidence) -> Iterator[Sighting]:
+    first = _first_aiding(evidence)
+    if first is not None and not _is_denied(evidence):
+        text = f"it would navigate by {first.mode.value} aiding from {at(first.start_us)} on"
+        yield Sighting(text, start_us=first.start_us)
+
+
+@check(
+    code="XN9-02",
+    severity=Severity.ERROR,
+    title="The filter would never use it",
+    firmware="It stays in constant position mode: no position, no modes that need one, no arming in them.",
+    source=_CONTROL,
+    fix="See the other findings; the filter needs poses with EK3_SRC1_POSXY 6, and a source of yaw.",
+    witness=Witness.MODEL,
+)
+def would_never_aid(evidence: Evidence) -> Iterator[Sighting]:
+    accepted = _accepted(evidence)
+    wants = EXTNAV in (evidence.source("POSXY"), evidence.source("VELXY"))
+    if accepted and wants and _first_aiding(evidence) is None:
+        own = _own_filter(evidence)
+        but = ""
+        if own is not None and own.uses_extnav.any():
+            since_us = own.time_us[own.uses_extnav][0]
+            but = f"; but the vehicle's own filter ({own.witness.value}) did, from {at(since_us)} on"
+        is_weak = evidence.end_us < _READY_US or bool(but)
+        yield Sighting(
+            f"{len(accepted)} messages are accepted, and to the end, {at(evidence.end_us)}, the filter does not use "
+            f"them to navigate{but}",
+            start_us=accepted[0].arrival_us,
+            end_us=evidence.end_us,
+            severity=Severity.NOTE if is_weak else None,
+        )
+
+
+@check(
+    code="XN9-03",
+    severity=Severity.ERROR,
+    title="The filter would stop using it",
+    firmware=("It says stopped aiding, and holds a position that it no longer knows; in flight the EKF failsafe acts."),
+    source=_CONTROL,
+    fix="See the findings about gaps, jumps and sources.",
+    witness=Witness.MODEL,
+)
+def would_stop_aiding(evidence: Evidence) -> Iterator[Sighting]:
+    stops = [
+        after.start_us
+        for before, after in zip(evidence.aiding, evidence.aiding[1:], strict=False)
+        if before.mode is not AidingMode.NONE and after.mode is AidingMode.NONE
+    ]
+    if stops:
+        but = _kept_on(evidence, stops)
+        text = f"it would stop aiding {how_often(len(stops))}, first at {at(stops[0])}{but}"
+        yield Sighting(text, start_us=stops[0], end_us=stops[-1], severity=Severity.NOTE if but else None)
+
+
+def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[SeenMessage]]]:
+    """Yield each kind of samples of which some were rejected: how many were tested, and the messages of those."""
+    tested: Counter[str] = Counter()
+    rejected: dict[str, list[SeenMessage]] = {}
+    for one in evidence.vision:
+        for sample in one.samples:
+            for fate in sample.fates:
+                kind, what = fate.outcome.kind, fate_of(fate.outcome.rule)
+                tested[kind] += what in (Fate.FUSED, Fate.REJECTED, Fate.RESET)
+                if what is Fate.REJECTED:
+                    rejected.setdefault(kind, []).append(one)
+    for kind, messages in sorted(rejected.items()):
+        yield kind, tested[kind], messages
+
+
+@check(
+    code="XN9-04",
+    severity=Severity.WARNING,
+    title="The filter would reject samples",
+    firmware="A sample beyond its gate is not used. After 7 s of that without velocities, position is reset.",
+    source=_FUSE,
+    fix=(
+        "See the findings about jumps, frames, scale and time; gates are EK3_POS_I_GATE, VEL_I_GATE, HGT_I_GATE and "
+        "YAW_I_GATE."
+    ),
+    witness=Witness.MODEL,
+)
+def would_reject(evidence: Evidence) -> Iterator[Sighting]:
+    for kind, tested, messages in _rejected_by_kind(evidence):
+        blind = _after_silence(evidence, messages)
+        seen = [one for one in messages if one.number not in blind]
+        counted = seen if _is_much(seen, tested) else messages
+        if not _is_much(counted, tested):
+            continue
+        why = ""
+        if counted is not seen:
+            why = ", after a time without samples, over which nobody can tell how the vehicle moved"
+        elif _accelerates(evidence, counted):
+            why = ", where the path accelerates harder than the model's vehicle can follow"
+        elif evidence.model_jumps > jumps_in(evidence):
+            why = ", and the model's vehicle took motion for jumps: it lost the stream, which a real one does not"
+        but = _passed(evidence, kind)
+        # By how much is told where the model's vehicle keeps to the stream: elsewhere it shows where the model went.
+        worst = evidence.innovations[kind].worst if kind in evidence.innovations else 0.0
+        how_much = "" if why else f"; the worst is {worst:.2f} {UNITS.get(kind, '')} off"
+        yield Sighting.in_messages(
+            f"{share(len(counted), tested)} {kind} samples would be rejected, from "
+            f"{at(counted[0].arrival_us)} on{why}{how_much}{but}",
+            counted,
+            severity=Severity.NOTE if why or but else None,
+        )
+
+
+def _is_much(messages: list[SeenMessage], tested: int) -> bool:
+    return len(messages) >= _FEWEST_REJECTED and len(messages) > _REJECTED_SHARE * tested
+
+
+def _after_silence(evidence: Evidence, messages: list[SeenMessage]) -> set[int]:
+    """Return the numbers of messages whose rejection began behind a gap of accepted ones.
+
+    The model's vehicle follows what is accepted; over a gap it is guessed, where a real one has its own inertial data.
+    """
+    accepted_us = np.array([one.arrival_us for one in _accepted(evidence)], dtype=np.int64)
+    found: set[int] = set()
+    latest_us, is_blind = -_EPISODE_US, False
+    for one in messages if len(accepted_us) else ():
+        if one.arrival_us - latest_us > _EPISODE_US:
+            start_us = max(one.arrival_us - _EPISODE_US, int(accepted_us[0]))
+            near = (accepted_us >= start_us) & (accepted_us <= one.arrival_us)
+            is_blind = bool((np.diff(accepted_us[near], prepend=start_us) > _SILENCE_US).any())
+        if is_blind:
+            found.add(one.number)
+        latest_us = one.arrival_us
+    return found
+
+
+def _accelerates(evidence: Evidence, messages: list[SeenMessage]) -> bool:
+    """Return whether a path without jumps is too hard for the imagined vehicle before the first of some messages."""
+    start_us, end_us = messages[0].arrival_us - _BEFORE_US, messages[0].arrival_us + _GATE_US
+    for poses in evidence.poses:
+        time_s: Floats = np.asarray(time_base_us(poses.track) * 1e-6, dtype=np.float64)
+        every = max(1, int(np.searchsorted(time_s, time_s[0] + _ACCELERATION_OVER_S)))
+        if len(time_s) <= 2 * every:
+            continue
+        size = _accelerations(time_s, poses.pos_m, every)
+        arrival_us = poses.track.arrival_us[every:-every]
+        near = size[(arrival_us > start_us) & (arrival_us < end_us)]
+        near = near[np.isfinite(near)]
+        if len(near) and _HARD < near.max() < _IMPOSSIBLE:
+            return True
+    return False
+
+
+def _accelerations(time_s: Floats, pos_m: Floats, every: int) -> Floats:
+    """Return the size of the acceleration in m/s^2 between three of N poses that are ``every`` apart."""
+    before = np.maximum(time_s[every:-every] - time_s[: -2 * every], 1e-3)[:, None]
+    after = np.maximum(time_s[2 * every :] - time_s[every:-every], 1e-3)[:, None]
+    behind = (pos_m[every:-every] - pos_m[: -2 * every]) / before
+    ahead = (pos_m[2 * every :] - pos_m[every:-every]) / after
+    return np.asarray(np.linalg.norm(2 * (ahead - behind) / (before + after), axis=1), dtype=np.float64)
+
+
+@check(
+    code="XN9-05",
+    severity=Severity.NOTE,
+    title="The filter would lose samples",
+    firmware="Of samples that fall due in one step only the last is used, and a full buffer loses its oldest.",
+    source="EKF_Buffer.cpp, ekf_ring_buffer::recall and push",
+    fix="Send evenly, not in bursts, and less than 50 per second.",
+    witness=Witness.MODEL,
+)
+def would_lose_samples(evidence: Evidence) -> Iterator[Sighting]:
+    offered: Counter[str] = Counter()
+    lost: dict[str, list[SeenMessage]] = {}
+    for one in evidence.vision:
+        for sample in one.samples:
+            offered[sample.kind] += 1
+            if any(fate.outcome.rule in (OVERWRITTEN, SUPERSEDED) for fate in sample.fates):
+                lost.setdefault(sample.kind, []).append(one)
+    for kind, messages in sorted(lost.items()):
+        if len(messages) >= _FEWEST_REJECTED and len(messages) > _LOST_SHARE * offered[kind]:
+            lost_share = share(len(messages), offered[kind])
+            yield Sighting.in_messages(
+                f"{lost_share} {kind} samples would be lost unused in the filter's buffer", messages
+            )
+
+
+@check(
+    code="XN9-06",
+    severity=Severity.NOTE,
+    title="Your autopilot said so itself",
+    firmware="A text of the autopilot in the stream, not of the model.",
+    source="GCS_MAVLink/GCS.cpp, GCS::send_textv",
+    fix="See the findings that belong to it.",
+    witness=Witness.LOG,
+)
+def autopilot_texts(evidence: Evidence) -> Iterator[Sighting]:
+    told = [
+        (time_us, text)
+        for time_us, severity, text in evidence.vehicle_texts
+        if severity <= _WARNING and any(word in text for word in _CONCERNS)
+    ]
+    own = evidence.own_filter
+    if own is not None and own.witness is Witness.LOG:  # which keeps no severities; other rules look at the rest
+        told += [
+            (time_us, text)
+            for time_us, text in own.texts
+            if _REFUSAL.match(text) and any(word in text for word in _CONCERNS)
+        ]
+    for text, count in Counter(text for _, text in told).most_common(_MOST_TEXTS):
+        time_us = next(when for when, what in told if what == text)
+        more = "" if count == 1 else f", {count} times"
+        yield Sighting(f'at {at(time_us)} your autopilot said "{text}"{more}', start_us=time_us)

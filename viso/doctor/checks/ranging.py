@@ -1,0 +1,362 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XNR: range finders that look down, for height and for the scale of flow."""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
+from ekf_stub.inputs.sources import SETS, SourceZ
+from viso.doctor.checks.check import Severity, Sighting, check
+from viso.doctor.checks.ground_set_up import (
+    CTUN_BIT,
+    above_start_m,
+    is_in_flight,
+    is_recorded,
+    named,
+    range_finders,
+    seen,
+    told,
+    unheard,
+)
+from viso.doctor.checks.phrases import at, how_often, listed, share
+from viso.doctor.evidence.evidence import Evidence
+from viso.doctor.evidence.ground_sensors import RANGE, RangeSeries
+from viso.doctor.evidence.own_filter import Witness
+from viso.doctor.evidence.tracks import Bools, Floats
+from viso.estimators.series import stretches_of
+
+_STALE_US: Final = 500_000
+_STUCK_US: Final = 3_000_000
+_FEWEST: Final = 20
+_CLIMB_M: Final = 1.0
+_SCALE_CLIMB_M: Final = 1.5
+_ALIKE: Final = 0.97
+_OFF: Final = 0.3
+_OUTLIER_M, _OUTLIER = 0.5, 0.2
+_SOME: Final = 0.01
+_LATE_US: Final = tuple(range(0, 1_000_001, 50_000))
+_LATEST_US: Final = 150_000
+_LEFT: Final = 0.4
+
+_READ: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::readRangeFinder"
+_HEIGHT: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion"
+_STATUS: Final = "AP_RangeFinder_Backend.cpp, AP_RangeFinder_Backend::update_status"
+_WHY: Final = {
+    RangeStatus.NOT_CONNECTED: "not connected",
+    RangeStatus.NO_DATA: "without data",
+    RangeStatus.TOO_NEAR: "below the minimum",
+    RangeStatus.TOO_FAR: "beyond the maximum",
+}
+
+
+def _asking(evidence: Evidence) -> list[str]:
+    """Return what asks for ranges in the set-up, the first source set first."""
+    sets = [f"EK3_SRC{n}_POSZ 2" for n in range(1, SETS + 1) if evidence.source("POSZ", n) == SourceZ.RANGEFINDER]
+    use = evidence.told.get("EK3_RNG_USE_HGT", -1.0)
+    return [*sets, *([f"EK3_RNG_USE_HGT {use:g}"] if use > 0 else [])]
+
+
+def _down(evidence: Evidence) -> Iterator[RangeSeries]:
+    """Yield the range finders of which the filter takes ranges."""
+    for one in evidence.ground.ranges:
+        if one.looks_down and len(one):
+            yield one
+
+
+@check(
+    code="XNR-01",
+    severity=Severity.ERROR,
+    title="A source asks for ranges that are not there",
+    firmware=(
+        "Without a fresh range the filter takes its height from the barometer, without a text; with no range finder "
+        "set up arming is refused, EK3 sources require RangeFinder."
+    ),
+    source=_HEIGHT,
+    fix=(
+        "Set RNGFND1_TYPE to the sensor that there is (10 for DISTANCE_SENSOR over MAVLink) and RNGFND1_ORIENT 25, and "
+        "reboot; or set EK3_SRCn_POSZ to 1 (barometer)."
+    ),
+    witness=Witness.LOG,
+)
+def range_missing(evidence: Evidence) -> Iterator[Sighting]:
+    asking = _asking(evidence)
+    if not asking:
+        return
+    severity = None if asking[0].startswith("EK3_SRC1") else Severity.WARNING
+    if range_finders(evidence) == []:
+        yield Sighting(f"{listed(asking)}, and no RNGFNDn_TYPE is set", severity=severity)
+    elif not evidence.ground.ranges and (found := unheard(evidence, RANGE, severity)) is not None:
+        yield Sighting(f"{listed(asking)}, and no range was heard{found[0]}", severity=found[1])
+
+
+@check(
+    code="XNR-02",
+    severity=Severity.WARNING,
+    title="Ranges that nothing uses",
+    firmware=(
+        "DISTANCE_SENSOR reaches a range finder with RNGFNDn_TYPE 10 whose RNGFNDn_ORIENT is the message's orientation."
+    ),
+    source="AP_RangeFinder_MAVLink.cpp, AP_RangeFinder_MAVLink::handle_msg",
+    fix="Set RNGFND1_TYPE 10 and RNGFND1_ORIENT 25, reboot, and send orientation 25 (down).",
+    witness=Witness.LOG,
+)
+def range_unused(evidence: Evidence) -> Iterator[Sighting]:
+    finders = range_finders(evidence)
+    for one in evidence.ground.ranges:
+        if not one.is_sent or finders is None:
+            continue
+        everything, orient = np.ones(len(one), np.bool_), int(one.orient[-1])
+        ours = [f"RNGFND{finder.number}_ORIENT {finder.orient}" for finder in finders if finder.is_mavlink]
+        if not ours:
+            yield seen(f"{len(one)} messages, and no RNGFNDn_TYPE is 10 (MAVLink)", one, everything)
+        elif not any(finder.is_mavlink and finder.orient == orient for finder in finders):
+            yield seen(f"they are of orientation {orient}, and there is {listed(ours)}", one, everything)
+
+
+@check(
+    code="XNR-03",
+    severity=Severity.ERROR,
+    title="The range finder does not look down",
+    firmware="The filter uses only ranges of orientation 25 (down), of the first two range finders.",
+    source=_READ,
+    fix="Set RNGFNDn_ORIENT to 25, and send DISTANCE_SENSOR with orientation 25, if the sensor looks down.",
+    witness=Witness.LOG,
+)
+def range_not_down(evidence: Evidence) -> Iterator[Sighting]:
+    ranges = [one for one in evidence.ground.ranges if len(one)]
+    if not ranges or any(one.looks_down for one in ranges):
+        return
+    wants = bool(_asking(evidence)) or any(evidence.source("VELXY", n) == 5 for n in range(1, SETS + 1))
+    for one in ranges:
+        text = f"orientation {int(one.orient[-1])}, and none is of orientation {DOWNWARD}"
+        yield seen(text, one, np.ones(len(one), np.bool_), None if wants else Severity.NOTE)
+
+
+def _statuses(one: RangeSeries, mask: Bools) -> str:
+    """Return what was wrong with some ranges, in words, the commonest first."""
+    counts = Counter(one.status[mask].tolist())
+    return " and ".join(
+        f"{share(count, int(mask.sum()))} {_WHY[RangeStatus(status)]}"
+        for status, count in counts.most_common()
+        if status in _WHY
+    )
+
+
+@check(
+    code="XNR-04",
+    severity=Severity.ERROR,
+    title="No good range at all",
+    firmware=(
+        "The filter uses only good ranges: between RNGFNDn_MIN and RNGFNDn_MAX, and not older than half a second. A "
+        "sensor whose minimum is above its height on the ground gives no range before take-off."
+    ),
+    source=_STATUS,
+    fix=(
+        "Set RNGFNDn_MIN below the sensor's height on the ground and RNGFNDn_MAX above the height flown, as far as it "
+        "can measure; look at its wires and its scale (RNGFNDn_SCALING, DISTANCE_SENSOR in cm)."
+    ),
+    witness=Witness.LOG,
+)
+def range_never_good(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        if not one.is_good.any():
+            everything = np.ones(len(one), np.bool_)
+            wants = bool(_asking(evidence)) or evidence.source("VELXY") == 5
+            text = (
+                f"no range is good: {_statuses(one, everything)}, distances {_span(one.dist_m)}{_limits(evidence, one)}"
+            )
+            yield seen(text, one, everything, None if wants and len(one) >= _FEWEST else Severity.WARNING)
+
+
+def _span(dist_m: Floats) -> str:
+    return f"{dist_m.min():.2f} to {dist_m.max():.2f} m"
+
+
+def _limits(evidence: Evidence, one: RangeSeries) -> str:
+    """Return what the sensor is set to measure, in words; nothing where nobody tells."""
+    if np.isfinite(one.low_m).all() and np.isfinite(one.high_m).all():
+        return f", limits {one.low_m[-1]:.2f} and {one.high_m[-1]:.2f} m"
+    names = [f"RNGFND{one.instance + 1}_{name}" for name in ("MIN", "MAX")]
+    known = [f"{name} {evidence.told[name]:.2f}" for name in names if name in evidence.told]
+    return "".join(f", {text}" for text in known)
+
+
+@check(
+    code="XNR-05",
+    severity=Severity.WARNING,
+    title="Ranges are missing in flight",
+    firmware=(
+        "After half a second without a good range a height by the range finder becomes one by the barometer, with a "
+        "jump, and after 5 s the filter no longer knows where the ground is. Copter's surface tracking stops."
+    ),
+    source=_HEIGHT,
+    fix="Look at the sensor's range, at dark, wet or tilted ground, and at its link.",
+    witness=Witness.LOG,
+)
+def range_gaps(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        if not one.is_good.any():
+            continue
+        good_us = one.time_us[one.is_good]
+        bad = ~one.is_good & is_in_flight(evidence, one.time_us)
+        spans = [(int(one.time_us[a]), int(one.time_us[b - 1])) for a, b in stretches_of(bad)]
+        period_us = np.diff(one.time_us)  # telemetry is slower than the sensor
+        gaps = np.flatnonzero(period_us > max(_STALE_US, 3 * float(np.median(period_us)) if len(period_us) else 0))
+        gaps = gaps[is_in_flight(evidence, one.time_us[gaps])]
+        spans = sorted([*spans, *((int(one.time_us[i]), int(one.time_us[i + 1])) for i in gaps)])
+        spans = [span for span in spans if span[1] - span[0] >= _STALE_US and good_us[0] < span[0]]
+        if spans:
+            longest = max(spans, key=lambda span: span[1] - span[0])
+            shown = bad & (one.time_us >= spans[0][0]) & (one.time_us <= spans[-1][1])
+            how = f" ({_statuses(one, shown)})" if shown.any() else ""
+            only_high = shown.any() and bool((one.status[shown] == RangeStatus.TOO_FAR).all()) and not len(gaps)
+            yield Sighting(
+                f"{named(one)}: no good range for more than 0.5 s in flight, {how_often(len(spans))}; the longest time "
+                f"of {1e-6 * (longest[1] - longest[0]):.1f} s from {at(longest[0])} on{how}",
+                start_us=spans[0][0],
+                end_us=spans[-1][1],
+                severity=Severity.NOTE if only_high and not _asking(evidence) else None,
+            )
+
+
+@check(
+    code="XNR-06",
+    severity=Severity.ERROR,
+    title="The range stands still while the vehicle climbs",
+    firmware="Nothing detects repeated ranges: height, or the scale of flow, is then that of another moment.",
+    source=_READ,
+    fix="Restart the sensor, and look at its program and link; a sensor measures whatever hangs beneath it.",
+    witness=Witness.LOG,
+)
+def range_stuck(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        height_m = above_start_m(evidence, one.time_us)
+        same = np.append(False, np.diff(one.dist_m) == 0) & one.is_good
+        for start, end in stretches_of(same):
+            known = height_m[start - 1 : end]
+            known = known[np.isfinite(known)]
+            took_us = int(one.time_us[end - 1] - one.time_us[start - 1])
+            if took_us >= _STUCK_US and len(known) and np.ptp(known) > _CLIMB_M:
+                shown = np.zeros(len(one), np.bool_)
+                shown[start - 1 : end] = True
+                text = (
+                    f"{one.dist_m[start]:.2f} m for {1e-6 * took_us:.1f} s, while the vehicle's height changed by "
+                    f"{np.ptp(known):.1f} m"
+                )
+                yield seen(text, one, shown)
+                break
+
+
+@check(
+    code="XNR-07",
+    severity=Severity.WARNING,
+    title="Ranges with outliers",
+    firmware=(
+        "The filter takes the median of three ranges: a single outlier is lost, two in a row get through, as far as "
+        "the gate (EK3_RNG_I_GATE) lets them."
+    ),
+    source=_READ,
+    fix="Look at what the sensor sees: landing gear, propellers, sunlight, dust, or an echo.",
+    witness=Witness.LOG,
+)
+def range_outliers(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        if one.is_good.sum() < _FEWEST:
+            continue
+        chosen = np.flatnonzero(one.is_good)
+        dist_m = one.dist_m[chosen]
+        around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(dist_m, 4, mode="edge"), 9), axis=1)
+        off_m = np.abs(dist_m - around)
+        outlier = off_m > np.maximum(_OUTLIER_M, _OUTLIER * around)
+        if outlier.sum() >= 3 and outlier.sum() > _SOME * len(dist_m):
+            shown = np.zeros(len(one), np.bool_)
+            shown[chosen[outlier]] = True
+            text = f"{share(int(outlier.sum()), len(dist_m))} good ranges are off by up to {off_m.max():.1f} m"
+            yield seen(f"{text} from those around them", one, shown)
+
+
+@check(
+    code="XNR-08",
+    severity=Severity.ERROR,
+    title="Ranges of another scale than the height",
+    firmware="Height by the range finder, and velocity by flow, are wrong by the same factor.",
+    source=_HEIGHT,
+    fix="Set RNGFNDn_SCALING, or send DISTANCE_SENSOR in cm; uneven ground looks the same.",
+    witness=Witness.LOG,
+)
+def range_scale(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        found = _against_height(evidence, one)
+        if found is None:
+            continue
+        factor, alike = found
+        if alike > _ALIKE and abs(factor - 1) > _OFF:
+            text = f"ranges grow {factor:.2f} times as much as the vehicle's height (correlation {alike:.2f})"
+            yield seen(text, one, one.is_good)
+
+
+def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> tuple[float, float] | None:
+    """Return how much ranges, so late, grow with the height, and the correlation; None without a climb."""
+    height_m = above_start_m(evidence, one.time_us - late_us)
+    known = one.is_good & np.isfinite(height_m) & np.isfinite(one.dist_m)
+    if known.sum() < _FEWEST or np.ptp(height_m[known]) < _SCALE_CLIMB_M or np.ptp(one.dist_m[known]) == 0:
+        return None
+    alike = float(np.corrcoef(one.dist_m[known], height_m[known])[0, 1])
+    return float(np.polyfit(height_m[known], one.dist_m[known], 1)[0]), alike
+
+
+@check(
+    code="XNR-10",
+    severity=Severity.WARNING,
+    title="Ranges come late",
+    firmware=(
+        "The filter dates a range 25 ms before its arrival. A later one gives the height of another moment while the "
+        "vehicle climbs or sinks."
+    ),
+    source=_READ,
+    fix="Send each range at once; look for a filter in the sensor, or a slow link.",
+    witness=Witness.LOG,
+)
+def range_late(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        tried = {late_us: _against_height(evidence, one, late_us) for late_us in _LATE_US}
+        alike = {late_us: found[1] for late_us, found in tried.items() if found is not None}
+        if 0 not in alike:
+            continue
+        late_us = max(alike, key=lambda at_us: alike[at_us])
+        # Of what the height does not explain, another time explains most.
+        is_told = alike[late_us] > _ALIKE and 1 - alike[late_us] ** 2 < _LEFT * (1 - alike[0] ** 2)
+        if late_us >= _LATEST_US and is_told:
+            text = f"ranges follow the vehicle's height about {1e-3 * late_us:.0f} ms later"
+            yield seen(text, one, one.is_good)
+
+
+@check(
+    code="XNR-09",
+    severity=Severity.NOTE,
+    title="Ranges that cannot be judged",
+    firmware="No finding here does not mean that the sensor is good.",
+    source=_READ,
+    fix=(
+        "Record a climb of 2 m over even ground, with the vehicle's height in the recording; bit 4 of LOG_BITMASK logs "
+        "ranges."
+    ),
+    witness=Witness.LOG,
+)
+def range_not_judged(evidence: Evidence) -> Iterator[Sighting]:
+    for one in _down(evidence):
+        found = _against_height(evidence, one)
+        if found is None:
+            yield Sighting(f"{named(one)}: scale: nothing shows a climb of {_SCALE_CLIMB_M:g} m with good ranges")
+        elif found[1] <= _ALIKE:
+            yield Sighting(f"{named(one)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})")
+    asks = _asking(evidence)
+    if asks and not evidence.ground.ranges:
+        if not is_recorded(evidence, CTUN_BIT) and told(evidence, "RNGFND1_TYPE"):
+            yield Sighting(f"{listed(asks)}, and LOG_BITMASK does not say that ranges are logged (RFND)")
+        elif evidence.ground.health.get(RANGE):
+            yield Sighting("SYS_STATUS calls the range finder healthy, and its ranges are not in the recording")

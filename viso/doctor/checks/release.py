@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN5: what becomes of a covariance depends on the release of the firmware."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, POS_ERR_MAX_M
+from mav_handlers.covariance import pose_errors
+from mav_handlers.wire.messages import ATT_POS_MOCAP
+from viso.doctor.checks.check import Severity, Sighting, check
+from viso.doctor.checks.phrases import by_type, share
+from viso.doctor.evidence.evidence import Evidence
+from viso.doctor.evidence.tracks import covariance_of
+from viso.firmware.releases import PROFILES, Firmware
+from viso.streams.stream_kinds import Aspect
+
+_NEEDS: Final = frozenset({Aspect.COVARIANCE})
+
+Errors = tuple[float, float]
+"""Of position (m) and of attitude (rad), as the filter gets them."""
+
+
+class _Judge:
+    """Works out what releases make of covariances, of which a stream repeats a few as a rule."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self._floors = evidence.param("VISO_POS_M_NSE"), evidence.param("VISO_YAW_M_NSE")
+        self._known: dict[tuple[str, bool, Sequence[float]], Errors] = {}
+
+    def raw(self, message: object, firmware: Firmware) -> Errors | None:
+        """Return both errors before they are limited; None of a message without a covariance."""
+        covariance = covariance_of(message)
+        if covariance is None or math.isnan(covariance[0]) or not any(covariance):
+            return None
+        key = firmware.name, isinstance(message, ATT_POS_MOCAP), covariance
+        if key not in self._known:
+            release = firmware.endpoint
+            make = release.mocap_errors if key[1] else pose_errors
+            pos, ang = make(covariance, release.error_formula)
+            self._known[key] = float(pos), float(ang)
+        return self._known[key]
+
+    def limited(self, message: object, firmware: Firmware) -> Errors | None:
+        """Return both errors as the filter gets them; NaN becomes the midpoint."""
+        errors = self.raw(message, firmware)
+        if errors is None:
+            return None
+        limits = zip(errors, self._floors, (POS_ERR_MAX_M, ANG_ERR_MAX_RAD), strict=True)
+        pos, ang = (_limited(error, floor, float(most)) for error, floor, most in limits)
+        return pos, ang
+
+
+def _limited(error: float, floor: float, most: float) -> float:
+    return (floor + most) / 2 if math.isnan(error) else max(floor, min(error, most))
+
+
+def _told(errors: Errors) -> str:
+    return f"{errors[0]:.3g} m, {errors[1]:.3g} rad"
+
+
+@check(
+    code="XN5-31",
+    severity=Severity.NOTE,
+    title="Errors depend on the release",
+    firmware=(
+        "Up to October 2025 an error is the cube root of the sum of squared variances, since February 2026 the root of "
+        "their sum. The filter weighs samples by it."
+    ),
+    source="GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
+    fix="Name the release that flies with --firmware, and tune variances for it; replay --versus shows both.",
+    needs=_NEEDS,
+)
+def errors_of_releases(evidence: Evidence) -> Iterator[Sighting]:
+    judge, here = _Judge(evidence), evidence.firmware
+    others = [one for one in PROFILES.values() if one.endpoint.error_formula is not here.endpoint.error_formula]
+    for other in {one.endpoint.error_formula: one for one in others}.values():  # the newest with each formula
+        differ = [one for one in evidence.vision if not _agree(judge, one.message, here, other)]
+        for name, found in by_type(differ):
+            ours, theirs = (judge.limited(found[0].message, one) for one in (here, other))
+            if ours is not None and theirs is not None:
+                whole = sum(one.name == name for one in evidence.vision)
+                yield Sighting.in_messages(
+                    f"{share(len(found), whole)} {name}, first: {_told(ours)} here ({here.name}), {_told(theirs)} in "
+                    f"{other.name}",
+                    found,
+                )
+
+
+def _agree(judge: _Judge, message: object, here: Firmware, other: Firmware) -> bool:
+    if isinstance(message, ATT_POS_MOCAP):  # has a rule of its own
+        return True
+    ours, theirs = judge.limited(message, here), judge.limited(message, other)
+    if ours is None or theirs is None:
+        return True
+    return all(math.isclose(a, b, rel_tol=0.01) for a, b in zip(ours, theirs, strict=True))
+
+
+@check(
+    code="XN5-32",
+    severity=Severity.NOTE,
+    title="This release does not read the covariance of motion capture",
+    firmware=(
+        "Up to October 2025 the errors of ATT_POS_MOCAP are 0, raised to the floors; since February 2026 its "
+        "covariance is read."
+    ),
+    source="GCS_Common.cpp, GCS_MAVLINK::handle_att_pos_mocap",
+    fix="Set VISO_POS_M_NSE and VISO_YAW_M_NSE to the accuracy of the source, or send ODOMETRY.",
+    needs=_NEEDS,
+)
+def mocap_covariance(evidence: Evidence) -> Iterator[Sighting]:
+    judge, here = _Judge(evidence), evidence.firmware
+    readers = [one for one in PROFILES.values() if one.endpoint.mocap_errors is not here.endpoint.mocap_errors]
+    found = [one for one in evidence.vision if isinstance(one.message, ATT_POS_MOCAP)]
+    told = [one for one in found if judge.raw(one.message, here) == (0.0, 0.0)]
+    if told and readers:
+        theirs = judge.limited(told[0].message, readers[0])
+        if theirs is not None:
+            text = f"{share(len(told), len(found))} ATT_POS_MOCAP have a covariance, which {readers[0].name} would read"
+            yield Sighting.in_messages(f"{text}: {_told(theirs)} of the first", told)
+
+
+@check(
+    code="XN5-33",
+    severity=Severity.ERROR,
+    title="Variances whose sum is negative",
+    firmware=(
+        "This release takes the root of the sum, which is NaN. It turns NaN into half the limit (50.1 m, 0.85 rad) and "
+        "the internal error 0x400: arming is refused until reboot."
+    ),
+    source="AP_Math.cpp, constrain_value_line",
+    fix="Variances are never negative: send them squared, or a first element of NaN.",
+    needs=_NEEDS,
+)
+def negative_variances(evidence: Evidence) -> Iterator[Sighting]:
+    judge, here = _Judge(evidence), evidence.firmware
+    found = [one for one in evidence.vision if _has_negative_sum(judge, one.message, here)]
+    for name, messages in by_type(found):
+        whole = sum(one.name == name for one in evidence.vision)
+        yield Sighting.in_messages(f"{share(len(messages), whole)} {name}", messages)
+
+
+def _has_negative_sum(judge: _Judge, message: object, firmware: Firmware) -> bool:
+    errors, covariance = judge.raw(message, firmware), covariance_of(message)
+    # NaN from NaN is another finding.
+    return errors is not None and any(map(math.isnan, errors)) and not any(map(math.isnan, covariance or ()))

@@ -1,0 +1,285 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""XN1: how messages come to the autopilot."""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from mav_handlers.verdicts import BAD_CRC, NOT_ACCEPTED, NOT_ADDRESSED, OWN_MESSAGE, UNKNOWN_MESSAGE
+from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, PARAM_SET, SET_GPS_GLOBAL_ORIGIN
+from viso.doctor.checks.check import Severity, Sighting, check
+from viso.doctor.checks.phrases import at, by_type, listed, share
+from viso.doctor.evidence.evidence import Evidence
+from viso.doctor.evidence.sender_clock import FEWEST, are_us
+from viso.doctor.evidence.tracks import Bools, Ints, Track
+from viso.doctor.evidence.trial_parameters import VISION_NAMES
+from viso.streams.stream_kinds import Aspect
+
+_LEAST_LOST: Final = 3
+_LOST_SHARE: Final = 0.02
+_MOST_ASKING: Final = 3
+_ROUTING: Final = "MAVLink_routing.cpp, MAVLink_routing::check_and_forward"
+_FOR_THE_AUTOPILOT: Final = (SET_GPS_GLOBAL_ORIGIN, COMMAND_LONG, COMMAND_INT, PARAM_SET)
+_LOST_FIELDS: Final = {
+    "VISION_POSITION_ESTIMATE": "covariance and reset_counter",
+    "GLOBAL_VISION_POSITION_ESTIMATE": "covariance and reset_counter",
+    "VICON_POSITION_ESTIMATE": "covariance",
+    "ATT_POS_MOCAP": "covariance",
+    "VISION_SPEED_ESTIMATE": "covariance and reset_counter",
+}
+
+
+@check(
+    code="XN1-01",
+    severity=Severity.ERROR,
+    title="No external navigation in the stream",
+    firmware="Nothing reaches AP_VisualOdom; with VISO_TYPE set the vehicle refuses to arm: VisOdom: not healthy.",
+    source="AP_VisualOdom.cpp, AP_VisualOdom::pre_arm_check",
+    fix=(
+        "Send ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE; check that the recording was made on "
+        "the link that the companion uses."
+    ),
+)
+def no_vision(evidence: Evidence) -> Iterator[Sighting]:
+    sent = any(one.units is not None for one in evidence.ground.flows) or any(
+        one.is_sent for one in evidence.ground.ranges
+    )
+    if evidence.vision or evidence.is_off or (sent and not evidence.asks):
+        return
+    asked = f"{listed(evidence.asks, _MOST_ASKING)} ask for external navigation, and " if evidence.asks else ""
+    if Aspect.LINK in evidence.lacks:
+        yield Sighting(f"{asked}no record of it is there: none came, or what came was dropped before the log")
+        return
+    there = listed([f"{name} ({count})" for name, count in Counter(evidence.kinds).most_common(5)], 5) or "nothing"
+    total = sum(evidence.kinds.values())
+    yield Sighting(f"{asked}of {total} messages none is of external navigation; there are {there}")
+
+
+@check(
+    code="XN1-02",
+    severity=Severity.WARNING,
+    title="MAVLink 1 loses fields",
+    firmware=(
+        "MAVLink 1 has no extension fields. They read 0: errors fall to the noise floors, and resets are not seen."
+    ),
+    source=(
+        "mavlink_helpers.h, mavlink_frame_char_buffer; GCS_Common.cpp, "
+        "GCS_MAVLINK::handle_common_vision_position_estimate_data"
+    ),
+    fix="Send MAVLink 2: pymavlink with MAVLINK20=1 in the environment, MAVROS with fcu_protocol v2.0.",
+    needs={Aspect.LINK},
+)
+def mavlink_1(evidence: Evidence) -> Iterator[Sighting]:
+    found = [one for one in evidence.vision if one.version == 1 and one.name in _LOST_FIELDS]
+    for name, of_name in by_type(found):
+        total = sum(one.name == name for one in evidence.vision)
+        yield Sighting.in_messages(
+            f"{share(len(of_name), total)} {name} came as MAVLink 1, without {_LOST_FIELDS[name]}", of_name
+        )
+
+
+def _skipped(evidence: Evidence, track: Track) -> Ints:
+    """Return how many sequence numbers of a track's sender are missing up to each of its messages."""
+    sender = track.sender
+    numbers, sequence = [], []
+    for one in evidence.messages:
+        if one.sender == (sender.system_id, sender.component_id) and one.version:
+            numbers.append(one.number)
+            sequence.append(one.sequence)
+    of_sender: Ints = np.array(sequence, dtype=np.int64)
+    gap = (of_sender[1:] - of_sender[:-1] - 1) % 256
+    total = np.concatenate([[0], np.cumsum(np.where(gap < 128, gap, 0))])
+    return np.asarray(total[np.searchsorted(numbers, track.numbers)], dtype=np.int64)
+
+
+def _is_missing_one(evidence: Evidence, track: Track) -> Bools:
+    """Tell behind which messages sequence numbers are missing and a message is, too: others share the numbers."""
+    times = track.stamp_us if are_us(track) else track.arrival_us
+    interval = np.diff(times)
+    usual = float(np.median(interval[interval > 0])) if bool(np.any(interval > 0)) else 0.0
+    return np.asarray((np.diff(_skipped(evidence, track)) > 0) & (interval > 1.5 * usual), dtype=np.bool_)
+
+
+@check(
+    code="XN1-03",
+    severity=Severity.WARNING,
+    title="Messages were lost",
+    firmware="Nothing requests lost messages again. After 300 ms without a message the sensor is unhealthy.",
+    source="AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy",
+    fix="Raise the baud rate or lower the message rate, use flow control, and look for buffers that overflow.",
+    needs={Aspect.LINK},
+)
+def lost_messages(evidence: Evidence) -> Iterator[Sighting]:
+    for track in evidence.tracks:
+        if len(track) < FEWEST:
+            continue
+        missing = np.flatnonzero(_is_missing_one(evidence, track))
+        if len(missing):
+            is_rare = len(missing) < _LEAST_LOST or len(missing) < _LOST_SHARE * len(track)
+            total = share(len(missing), len(track))
+            yield Sighting(
+                f"{track.sender}: behind {total} messages sequence numbers are missing, and so is a message",
+                track.numbers[missing + 1].tolist(),
+                int(track.arrival_us[missing[0]]),
+                int(track.arrival_us[missing[-1] + 1]),
+                severity=Severity.NOTE if is_rare else None,
+            )
+
+
+@check(
+    code="XN1-04",
+    severity=Severity.WARNING,
+    title="Frames were damaged",
+    firmware="The autopilot drops a frame with a wrong checksum, or of an unknown dialect, without a text.",
+    source="mavlink_helpers.h, mavlink_frame_char_buffer",
+    fix="Check baud rate, cable and ground.",
+    needs={Aspect.LINK},
+)
+def damaged_frames(evidence: Evidence) -> Iterator[Sighting]:
+    otherwise = [kind for kind in evidence.refused if kind.is_defined_otherwise]
+    for kind in otherwise:
+        sender = f"{kind.system_id}/{kind.component_id}"
+        yield Sighting(
+            f"all {len(kind.refused)} {kind.name} from {sender} fail their checksum, while others pass: the sender has "
+            "another definition of that message",
+            kind.refused,
+            severity=None if kind.name in VISION_NAMES else Severity.NOTE,
+            fix=f"Generate the sender's messages from the same dialect as the autopilot's: the checksum covers the "
+            f"definition of {kind.name}, of which the two have different versions.",
+        )
+    known = {number for kind in otherwise for number in kind.refused}
+    refused = (BAD_CRC, UNKNOWN_MESSAGE)
+    found = [one for one in evidence.messages if one.verdict in refused and one.number not in known]
+    if found:
+        frames = sum(one.version != 0 for one in evidence.messages) + len(found)
+        yield Sighting.in_messages(f"{share(len(found), frames)} frames were damaged", found)
+
+
+@check(
+    code="XN1-05",
+    severity=Severity.WARNING,
+    title="Several senders on one link",
+    firmware=(
+        "A link has one time corrector for all senders, and the backend treats all samples as one camera's. It mixes "
+        "stamps, reset counters and positions."
+    ),
+    source="GCS_Common.cpp, GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms",
+    fix=("Let one program send external navigation, and stop the others; or give each its own link and use only one."),
+    needs={Aspect.LINK},
+)
+def several_senders(evidence: Evidence) -> Iterator[Sighting]:
+    senders = Counter(one.sender for one in evidence.vision)
+    if len(senders) > 1:
+        names = " and ".join(f"{system}/{component} ({count})" for (system, component), count in senders.items())
+        (usual, _), *_ = senders.most_common(1)
+        yield Sighting.in_messages(
+            f"external navigation comes from {names}", [one for one in evidence.vision if one.sender != usual]
+        )
+
+
+@check(
+    code="XN1-06",
+    severity=Severity.ERROR,
+    title="Sent with the autopilot's own ids",
+    firmware="Frames with the autopilot's own system and component id are dropped before any handler sees them.",
+    source=_ROUTING,
+    fix=("Keep the system id, and set another component id, such as 197 (MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)."),
+    needs={Aspect.LINK},
+)
+def own_ids(evidence: Evidence) -> Iterator[Sighting]:
+    found = [one for one in evidence.vision if one.verdict is OWN_MESSAGE]
+    if found:
+        ids = f"{found[0].system_id}/{found[0].component_id}"
+        count = share(len(found), len(evidence.vision))
+        yield Sighting.in_messages(
+            f"{count} messages of external navigation came as from {ids}, the autopilot itself", found
+        )
+
+
+@check(
+    code="XN1-07",
+    severity=Severity.WARNING,
+    title="Addressed to another system",
+    firmware="The autopilot may forward a message for another system. It does not use it.",
+    source=_ROUTING,
+    fix="Address the autopilot: its system id is MAV_SYSID, its component 1. 0 is everyone.",
+    needs={Aspect.LINK},
+)
+def wrong_target(evidence: Evidence) -> Iterator[Sighting]:
+    senders = {one.sender for one in evidence.vision}
+    found = [
+        one
+        for one in evidence.messages
+        if one.verdict is NOT_ADDRESSED and one.sender in senders and isinstance(one.message, _FOR_THE_AUTOPILOT)
+    ]
+    for name, of_name in by_type(found):
+        target = getattr(of_name[0].message, "target_system", 0)
+        told = f"addressed to system {target}; the autopilot is {evidence.system_id}"
+        yield Sighting.in_messages(f"{len(of_name)} {name} {told}", of_name)
+
+
+@check(
+    code="XN1-08",
+    severity=Severity.ERROR,
+    title="Only the ground station is admitted",
+    firmware=("With bit 0 of MAV_OPTIONS set, frames from systems other than MAV_SYSID and MAV_GCS_SYSID are dropped."),
+    source="GCS_Common.cpp, GCS_MAVLINK::accept_packet",
+    fix="Send with the vehicle's own system id and another component id, or clear bit 0 of MAV_OPTIONS.",
+    needs={Aspect.LINK},
+)
+def only_ground_station(evidence: Evidence) -> Iterator[Sighting]:
+    found = [one for one in evidence.vision if one.verdict is NOT_ACCEPTED]
+    if found:
+        own, gcs = evidence.system_id, evidence.ground_station_id
+        text = f"{share(len(found), len(evidence.vision))} messages refused: from system {found[0].system_id}"
+        yield Sighting.in_messages(f"{text}, while only {own} and {gcs} are admitted", found)
+
+
+@check(
+    code="XN1-09",
+    severity=Severity.WARNING,
+    title="Messages came twice",
+    firmware="The EKF drops the second one (20 ms rule); health and the log count it.",
+    source="AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
+    fix="Look for two routes from sender to autopilot, such as two endpoints of mavlink-router.",
+    needs={Aspect.LINK},
+)
+def repeated_messages(evidence: Evidence) -> Iterator[Sighting]:
+    latest: dict[tuple[int, int, str], bytes] = {}
+    found = []
+    for one in evidence.vision:
+        key = (*one.sender, one.name)
+        if latest.get(key) == one.frame:
+            found.append(one)
+        latest[key] = one.frame
+    if len(found) >= _LEAST_LOST:
+        yield Sighting.in_messages(
+            f"{share(len(found), len(evidence.vision))} messages came twice, byte for byte", found
+        )
+
+
+@check(
+    code="XN1-10",
+    severity=Severity.WARNING,
+    title="Messages came out of order",
+    firmware=(
+        "The autopilot does not sort samples. One older than the last passes the 20 ms rule, because its age is an "
+        "unsigned difference, and is fused after the newer one."
+    ),
+    source="AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
+    fix="Send over a serial port or TCP, or over one network path only.",
+    needs={Aspect.LINK},
+)
+def reordered_messages(evidence: Evidence) -> Iterator[Sighting]:
+    for track in evidence.tracks:
+        if len(track) < FEWEST or not are_us(track):
+            continue
+        step = np.diff(track.sequence) % 256
+        back = np.flatnonzero((step >= 192) & (np.diff(track.stamp_us) < 0))
+        if len(back):
+            first = at(track.arrival_us[back[0] + 1])
+            text = f"messages came behind one that was sent later, the first at {first}"
+            yield Sighting.in_track(f"{track.sender}: {share(len(back), len(track))} {text}", track, back + 1)

@@ -1,0 +1,167 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A stream against the vehicle's own attitude and path: delay, axes, and the scale of positions."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from ap_core.internal_error import InternalErrors
+from ap_core.rotations import quaternion_from_rotation
+from ekf_stub.inputs.sources import EXTNAV
+from viso.doctor.evidence.tracks import Floats, Ints, Poses, SeenMessage
+from viso.doctor.evidence.vehicle_data import AttitudeSeries
+from viso.doctor.evidence.vehicle_position import PositionSeries
+from viso.estimators import quaternion_arrays as quaternion
+from viso.estimators.delay import Delay, estimate_delay
+from viso.estimators.orientation import ChosenAxes, WorldAxes, estimate_orientation, estimate_world_axes
+from viso.estimators.positions import Scale, estimate_position_axes, estimate_scale
+from viso.estimators.turning import quats_of_euler
+
+ALIGNING_TYPES: Final = (2, 3)
+_FEWEST: Final = 40
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """What the vehicle's own attitude says about a stream's; types 2 and 3 have VISO_ORIENT taken off before.
+
+    Attributes:
+        poses: of the stream.
+        delay: since the stamps that the autopilot makes of the stream's; the filter subtracts VISO_DELAY_MS from those.
+        since_arrival: likewise, of the times of arrival.
+        orientation: of the stream's body.
+        world: of the stream's world.
+        transport_ms: what the autopilot takes off at least, of every time of arrival, for the bytes' way.
+    """
+
+    poses: Poses
+    delay: Delay
+    since_arrival: Delay
+    orientation: ChosenAxes
+    world: WorldAxes
+    transport_ms: float = 0.0
+
+    @property
+    def late_ms(self) -> float:
+        """How late poses arrive; 0 where the motion does not tell."""
+        return self.since_arrival.delay_ms if self.since_arrival.enough_motion else 0.0
+
+
+def comparison_of(poses: Poses, comparisons: Sequence[Comparison]) -> Comparison | None:
+    """Return the one of some poses; None without one."""
+    return next((one for one in comparisons if one.poses is poses), None)
+
+
+def oriented(quat_wxyz: Floats, viso_type: int, orient: int) -> Floats:
+    """Return attitudes with VISO_ORIENT taken off, as types 2 and 3 do (AP_VisualOdom_IntelT265::rotate_attitude)."""
+    if orient == 0 or viso_type not in ALIGNING_TYPES:
+        return quat_wxyz
+    back = quaternion_from_rotation(orient, InternalErrors()).inverse()
+    turn = quaternion.as_quat_array(back.to_wxyz())
+    turned: Floats = quaternion.as_float_array(quaternion.as_quat_array(quat_wxyz) * turn)
+    return turned
+
+
+def _corrected_us(poses: Poses, messages: Mapping[int, SeenMessage]) -> Ints:
+    """Return the times that the autopilot gives to poses (CTimeMS); that of arrival where it made no record."""
+    times = poses.track.arrival_us.copy()
+    for index, number in enumerate(poses.track.numbers.tolist()):
+        for name, values in messages[number].records:
+            if name == "VISP" and isinstance(values[2], int):
+                times[index] = values[2] * 1000
+    return times
+
+
+def _usable(time_us: Ints, quat_wxyz: Floats) -> tuple[Ints, Floats]:
+    """Return what is finite, of about unit length, and in order of time."""
+    with np.errstate(all="ignore"):
+        norm = np.linalg.norm(quat_wxyz, axis=1)
+    fine = np.isfinite(norm) & (np.abs(norm - 1) < 0.1)
+    time_us, quat_wxyz = time_us[fine], quat_wxyz[fine] / norm[fine, None]
+    time_us, first = np.unique(time_us, return_index=True)
+    return time_us, quat_wxyz[first]
+
+
+def compare(
+    poses: Sequence[Poses],
+    messages: Sequence[SeenMessage],
+    attitude: AttitudeSeries | None,
+    params: Mapping[str, float],
+) -> tuple[Comparison, ...]:
+    """Return what the vehicle's own attitude says about each track of poses."""
+    if attitude is None or len(attitude) < _FEWEST:
+        return ()
+    by_number = {one.number: one for one in messages}
+    vehicle_us, vehicle_quats = _usable(attitude.time_us, quats_of_euler(attitude.euler_rad))
+    viso_type, orient = int(params.get("VISO_TYPE", 0)), int(params.get("VISO_ORIENT", 0))
+    found = []
+    for one in poses:
+        quats = oriented(one.quat_wxyz, viso_type, orient)
+        corrected_us = _corrected_us(one, by_number)
+        time_us, quats = _usable(corrected_us, quats)
+        if len(time_us) < _FEWEST:
+            continue
+        delay = estimate_delay(time_us, quats, vehicle_us, vehicle_quats)
+        lag_ms = delay.delay_ms if delay.enough_motion else 0.0
+        orientation = estimate_orientation(time_us, quats, vehicle_us, vehicle_quats, delay_ms=lag_ms)
+        world = estimate_world_axes(
+            time_us, quats, vehicle_us, vehicle_quats, body_axes=orientation.axes, delay_ms=lag_ms
+        )
+        arrived_us, as_sent = _usable(one.track.arrival_us, one.quat_wxyz)
+        since_arrival = estimate_delay(arrived_us, as_sent, vehicle_us, vehicle_quats)
+        transport_ms = float(np.min(one.track.arrival_us - corrected_us)) * 1e-3
+        found.append(Comparison(one, delay, since_arrival, orientation, world, transport_ms))
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathComparison:
+    """What the vehicle's own path says about a stream's.
+
+    Attributes:
+        poses: of the stream, as sent.
+        origin: what tells the vehicle's path.
+        scale: what positions have to be multiplied with.
+        axes: which way those of the positions point; None where the stream's heading is not known.
+    """
+
+    poses: Poses
+    origin: str
+    scale: Scale
+    axes: ChosenAxes | None
+
+
+def _heading_deg(compared: Comparison | None, params: Mapping[str, float]) -> float | None:
+    """Return the compass direction of the stream's x; None if nothing tells it."""
+    if compared is not None and compared.orientation.sufficient and compared.world.sufficient:
+        is_level = compared.world.axes.signed_axes[2] == 3
+        return compared.world.heading_deg if is_level else None
+    is_aligned = int(params.get("VISO_TYPE", 0)) in ALIGNING_TYPES or params.get("EK3_SRC1_YAW") == EXTNAV
+    return None if is_aligned else 0.0
+
+
+def compare_paths(
+    poses: Sequence[Poses],
+    position: PositionSeries | None,
+    comparisons: Sequence[Comparison],
+    params: Mapping[str, float],
+) -> tuple[PathComparison, ...]:
+    """Return what the vehicle's own path says about each track of poses."""
+    if position is None:
+        return ()
+    found = []
+    for one in poses:
+        if len(one.track) < _FEWEST:
+            continue
+        compared = comparison_of(one, comparisons)
+        delay_ms = 0.0 if compared is None else compared.late_ms
+        paths = one.track.arrival_us, one.pos_m, position.time_us, position.ned_m
+        heading_deg = _heading_deg(compared, params)
+        axes = None
+        if heading_deg is not None:
+            axes = estimate_position_axes(*paths, heading_deg=heading_deg, delay_ms=delay_ms)
+        found.append(PathComparison(one, position.origin, estimate_scale(*paths, delay_ms=delay_ms), axes))
+    return tuple(found)

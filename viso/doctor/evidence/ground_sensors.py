@@ -1,0 +1,381 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What flow sensors and range finders said in a recording, and the motion of the vehicle to hold it against."""
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from ap_core.dataflash_columns import LogColumns
+from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
+from mav_handlers.wire.codec import Header
+from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, LOCAL_POSITION_NED, OPTICAL_FLOW, SYS_STATUS, Message
+from viso.doctor.evidence.tracks import Bools, Floats, Ints
+from viso.estimators.series import rows_in_time
+from viso.logs.filter_records import table_with
+from viso.logs.recorded import table_of
+from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1
+
+LONGEST_PERIOD_S: Final = 0.5
+"""After a longer silence AP_OpticalFlow_MAV takes a flow for zero."""
+
+FLOW: Final = "flow sensor"
+RANGE: Final = "range finder"
+_BITS: Final = ((FLOW, 1 << 6), (RANGE, 1 << 8))
+"""Of MAV_SYS_STATUS_SENSOR: OPTICAL_FLOW and LASER_POSITION."""
+
+_FRAMES: Final = 20
+"""Of a log, from one range to the next: the filter looks at them 20 times per second."""
+
+_FINDERS: Final = "123456789A"
+_MAVLINK: Final = 10
+
+
+class RangeFinder(NamedTuple):
+    """The parameters of a range finder: its number from 1 (A for 10), RNGFNDn_TYPE and RNGFNDn_ORIENT."""
+
+    number: str
+    kind: int
+    orient: int
+
+    @property
+    def is_mavlink(self) -> bool:
+        """Whether it takes DISTANCE_SENSOR."""
+        return self.kind == _MAVLINK
+
+
+def finders_in(params: Mapping[str, float]) -> list[RangeFinder]:
+    """Return the range finders that parameters set up."""
+    known = {name: int(value) for name, value in params.items() if name.startswith("RNGFND") and math.isfinite(value)}
+    return [
+        RangeFinder(number, kind, known.get(f"RNGFND{number}_ORIENT", DOWNWARD))
+        for number in _FINDERS
+        if (kind := known.get(f"RNGFND{number}_TYPE", 0))
+    ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlowSeries:
+    """What a flow sensor said.
+
+    Attributes:
+        origin: what tells it, such as OF.
+        time_us: N, us since boot.
+        rate: N x 2, rad/s about the body's x and y, as the autopilot has them.
+        body: N x 2, rad/s, the rates of the sensor's own gyro; NaN where nothing tells them.
+        quality: N, 0 to 255.
+        numbers: of the messages, from 1; empty of a log.
+        units: N x 2, flow_x and flow_y as a companion sent them; None where the autopilot itself tells its rates.
+        sent_rate: N x 2, rad/s, flow_rate_x and flow_rate_y as a companion sent them, which nobody reads.
+        has_all: whether every measurement is there, as it is not in the autopilot's telemetry.
+    """
+
+    origin: str
+    time_us: Ints
+    rate: Floats
+    body: Floats
+    quality: Ints
+    numbers: Ints
+    units: Floats | None = None
+    sent_rate: Floats | None = None
+    has_all: bool = True
+
+    def __len__(self) -> int:
+        return len(self.time_us)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RangeSeries:
+    """What a range finder said.
+
+    Attributes:
+        origin: what tells it, such as RFND.
+        instance: its number, from 0.
+        time_us: N, us since boot.
+        dist_m: N.
+        low_m, high_m: N, what it can measure; NaN where nothing tells it.
+        status: N, of ``RangeStatus``.
+        orient: N, where it looks, 25 for down.
+        numbers: of the messages, from 1; empty of a log.
+        is_sent: whether a companion sends it: the autopilot may not take it.
+    """
+
+    origin: str
+    instance: int
+    time_us: Ints
+    dist_m: Floats
+    low_m: Floats
+    high_m: Floats
+    status: Ints
+    orient: Ints
+    numbers: Ints
+    is_sent: bool = False
+
+    def __len__(self) -> int:
+        return len(self.time_us)
+
+    @property
+    def is_good(self) -> Bools:
+        """N, whether the filter takes the distance for its status."""
+        return np.asarray(self.status == RangeStatus.GOOD, dtype=np.bool_)
+
+    @property
+    def looks_down(self) -> bool:
+        """Whether it looks down, at last."""
+        return bool(self.orient[-1] == DOWNWARD)
+
+
+def _none(width: int) -> Floats:
+    return np.zeros((0, width))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GroundSensors:
+    """Flow and ranges, and the vehicle's motion.
+
+    Attributes:
+        flows, ranges: of all sensors.
+        turning: M x 4, us and the vehicle's body rates in rad/s.
+        velocity: M x 3, us and the filter's velocity north and east in m/s.
+        check: M x 3, us, the filter's worse test ratio of flow, 1 at the gate, and its height above the ground in m.
+        by: whose motion that is.
+        health: of FLOW and RANGE, as far as SYS_STATUS enables them, whether it ever calls them healthy.
+    """
+
+    flows: tuple[FlowSeries, ...] = ()
+    ranges: tuple[RangeSeries, ...] = ()
+    turning: Floats = field(default_factory=lambda: _none(4))
+    velocity: Floats = field(default_factory=lambda: _none(3))
+    check: Floats = field(default_factory=lambda: _none(3))
+    by: str = "the vehicle"
+    health: Mapping[str, bool] = field(default_factory=dict)
+
+    def beside(self, other: "GroundSensors | None") -> "GroundSensors":
+        """Return these sensors beside those of another recording, whose motion of the vehicle is taken if it tells."""
+        if other is None:
+            return self
+        return GroundSensors(
+            (*other.flows, *self.flows),
+            (*other.ranges, *self.ranges),
+            other.turning if len(other.turning) else self.turning,
+            other.velocity if len(other.velocity) else self.velocity,
+            other.check if len(other.check) else self.check,
+            health=self.health,
+        )
+
+
+NO_GROUND_SENSORS: Final = GroundSensors()
+
+
+def ground_sensors_in(log: LogColumns) -> GroundSensors:
+    """Return what a log has of flow and ranges."""
+    check = rows_in_time(table_with(log, "XKF5", (("NI",), ("HAGL",))))
+    check[:, 1] /= 100.0
+    return GroundSensors(
+        _logged_flow(log),
+        _logged_ranges(log),
+        _of_first(log, "IMU", "I", ("GyrX", "GyrY", "GyrZ")),
+        _of_first(log, "XKF1", "C", ("VN", "VE")),
+        check,
+    )
+
+
+def _of_first(log: LogColumns, kind: str, index: str, labels: tuple[str, ...]) -> Floats:
+    """Return time and fields of the records of the first of several sensors or cores."""
+    table = rows_in_time(table_with(log, kind, ((index,), *((label,) for label in labels))))
+    table = np.delete(table[np.nan_to_num(table[:, 1]) == 0], 1, axis=1)
+    return np.asarray(table[np.isfinite(table).all(axis=1)], dtype=np.float64)
+
+
+def _logged_flow(log: LogColumns) -> tuple[FlowSeries, ...]:
+    """Return what OF records say, or else what was handed to the filter, which has the time of its measurement."""
+    origin, rows = "OF", table_with(log, "OF", (("Qual",), ("flowX",), ("flowY",), ("bodyX",), ("bodyY",)))
+    if not len(rows):
+        origin, rows = "ROFH", _handed_over(log)
+    rows = rows_in_time(rows)
+    if not len(rows):
+        return ()
+    quality = np.nan_to_num(rows[:, 1]).astype(np.int64)
+    no_numbers = np.zeros(0, np.int64)
+    return (FlowSeries(origin, rows[:, 0].astype(np.int64), rows[:, 2:4], rows[:, 4:6], quality, no_numbers),)
+
+
+def _handed_over(log: LogColumns) -> Floats:
+    """Return us, quality, flow and body rates of ROFH records, which have no TimeUS."""
+    labels = ("Tms", "Qual", "FX", "FY", "GX", "GY")
+    if not log.counts.get("ROFH") or not {*labels} <= {*log.types["ROFH"].labels}:
+        return _none(len(labels))
+    rows = table_of(log, "ROFH", labels)
+    rows[:, 0] *= 1e3
+    return rows
+
+
+def _logged_ranges(log: LogColumns) -> tuple[RangeSeries, ...]:
+    """Return what RFND records say, or else what the filter was given; without a status a distance above 0 is good."""
+    labels = (("Instance", "I"), ("Dist", "Dist1"), ("Stat",), ("Orient", "Orient1"))
+    origin = "RFND" if log.counts.get("RFND") else "RRNI"
+    rows = rows_in_time(table_with(log, "RFND", labels) if origin == "RFND" else _given(log))
+    rows = rows[np.isfinite(rows[:, [2, 4]]).all(axis=1)]
+    status = np.where(rows[:, 2] > 0, float(RangeStatus.GOOD), float(RangeStatus.NO_DATA))
+    rows[:, 3] = np.where(np.isfinite(rows[:, 3]), rows[:, 3], status)
+    rows[:, 1] = np.nan_to_num(rows[:, 1])
+    found = []
+    for instance in np.unique(rows[:, 1]).astype(int).tolist():
+        mine = rows[rows[:, 1] == instance]
+        unknown = np.full(len(mine), np.nan)
+        time_us, status, orient = mine[:, [0, 3, 4]].astype(np.int64).T
+        no_numbers = np.zeros(0, np.int64)
+        found.append(RangeSeries(origin, instance, time_us, mine[:, 2], unknown, unknown, status, orient, no_numbers))
+    return tuple(found)
+
+
+def _given(log: LogColumns) -> Floats:
+    """Return us, instance, distance, status and orientation of RRNI records, which are written when one changes."""
+    labels = ("I", "Dist", "Status", "Orient")
+    if not (log.counts.get("RRNI") and log.counts.get("RFRH")) or not {*labels} <= {*log.types["RRNI"].labels}:
+        return _none(1 + len(labels))
+    frames, time_us = log.offsets("RFRH")[::_FRAMES], table_of(log, "RFRH", ("TimeUS",))[::_FRAMES]
+    rows, begins, found = table_of(log, "RRNI", labels), log.offsets("RRNI"), []
+    for instance in np.unique(rows[:, 0]).tolist():
+        mine = rows[:, 0] == instance
+        latest = np.searchsorted(begins[mine], frames, side="right") - 1
+        found.append(np.column_stack([time_us, rows[mine][latest]])[latest >= 0])
+    return np.concatenate(found)
+
+
+class GroundListener:
+    """Collects what is said in a stream of flow, ranges and the motion of one vehicle."""
+
+    def __init__(self) -> None:
+        self._flows: dict[tuple[int, int], list[tuple[int, int, OPTICAL_FLOW]]] = defaultdict(list)
+        self._ranges: dict[tuple[int, int, int, int], list[tuple[int, int, DISTANCE_SENSOR]]] = defaultdict(list)
+        self._turning: dict[int, list[tuple[float, ...]]] = defaultdict(list)
+        self._velocity: dict[int, list[tuple[float, ...]]] = defaultdict(list)
+        self._health: dict[int, dict[str, bool]] = defaultdict(dict)
+
+    def take(self, time_us: int, number: int, header: Header, message: Message | None) -> None:
+        """Take a message, by its time in us since boot and its number in the stream, from 1."""
+        sender = header.system_id, header.component_id
+        if isinstance(message, OPTICAL_FLOW):
+            self._flows[sender].append((time_us, number, message))
+        elif isinstance(message, DISTANCE_SENSOR):
+            whose = *sender, message.id, message.orientation
+            self._ranges[whose].append((time_us, number, message))
+        elif header.component_id != MAV_COMP_ID_AUTOPILOT1:
+            return
+        elif isinstance(message, ATTITUDE):
+            rates = message.rollspeed, message.pitchspeed, message.yawspeed
+            self._turning[header.system_id].append((time_us, message.time_boot_ms * 1e3, *rates))
+        elif isinstance(message, SYS_STATUS):
+            enabled, healthy = message.onboard_control_sensors_enabled, message.onboard_control_sensors_health
+            health = self._health[header.system_id]
+            health.update(
+                {name: health.get(name, False) or bool(healthy & bit) for name, bit in _BITS if enabled & bit}
+            )
+        elif isinstance(message, LOCAL_POSITION_NED):
+            speeds = message.vx, message.vy
+            self._velocity[header.system_id].append((time_us, message.time_boot_ms * 1e3, *speeds))
+
+    def told(self, system_id: int | None, params: Mapping[str, float]) -> GroundSensors:
+        """Return what was said; the autopilot's parameters scale and turn what a companion sends."""
+        own = (system_id, MAV_COMP_ID_AUTOPILOT1)
+        vehicle = -1 if system_id is None else system_id
+        return GroundSensors(
+            tuple(_sent_flow(who, rows, params, is_own=who == own) for who, rows in self._flows.items()),
+            tuple(_sent_range(who, rows, params, is_own=who[:2] == own) for who, rows in self._ranges.items()),
+            _steady(self._turning[vehicle], 4),
+            _steady(self._velocity[vehicle], 3),
+            health=self._health[vehicle],
+        )
+
+
+def _steady(rows: list[tuple[float, ...]], width: int) -> Floats:
+    """Return rows by their own clock, tied to the times of arrival by the least delay."""
+    table = np.array(rows, dtype=np.float64).reshape(-1, width + 1)
+    table = table[np.isfinite(table).all(axis=1)]
+    if not len(table):
+        return _none(width)
+    table[:, 1] += np.min(table[:, 0] - table[:, 1])
+    return np.asarray(table[np.argsort(table[:, 1], kind="stable"), 1:], dtype=np.float64)
+
+
+def driven(units: Floats, time_us: Ints, params: Mapping[str, float]) -> Floats:
+    """Return the rates that AP_OpticalFlow_MAV makes of flow_x and flow_y, of messages that come one at a time.
+
+    Args:
+        units: N x 2, as sent.
+        time_us: N, when they came.
+        params: hold FLOW_FXSCALER, FLOW_FYSCALER and FLOW_ORIENT_YAW; 0 those that are not there.
+
+    Source: AP_OpticalFlow_MAV::update.
+    """
+    dt = np.diff(time_us, prepend=time_us[:1] - int(1e6)) * 1e-6
+    regular = (dt > 0) & (dt < LONGEST_PERIOD_S)
+    factors = [1 + 0.001 * float(params.get(f"FLOW_F{axis}SCALER", 0.0)) for axis in "XY"]
+    rates = np.where(regular, dt, 0.0)[:, None] * units * np.array(factors)
+    angle = np.radians(0.01 * float(params.get("FLOW_ORIENT_YAW", 0.0)))
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return np.asarray(rates @ turn.T, dtype=np.float64)
+
+
+def _sent_flow(
+    whose: tuple[int, int], rows: list[tuple[int, int, OPTICAL_FLOW]], params: Mapping[str, float], *, is_own: bool
+) -> FlowSeries:
+    time_us = np.array([row[0] for row in rows], dtype=np.int64)
+    said: list[Any] = [row[2] for row in rows]
+    numbers = np.array([row[1] for row in rows], dtype=np.int64)
+    quality = np.array([one.quality for one in said], dtype=np.int64)
+    sent = np.array([(one.flow_rate_x, one.flow_rate_y) for one in said], dtype=np.float64)
+    origin = f"OPTICAL_FLOW from {whose[0]}/{whose[1]}"
+    if is_own:
+        body = sent - np.array([(one.flow_comp_m_x, one.flow_comp_m_y) for one in said], dtype=np.float64)
+        return FlowSeries(origin, time_us, sent, body, quality, numbers, has_all=False)
+    units = np.array([(one.flow_x, one.flow_y) for one in said], dtype=np.float64)
+    unknown = np.full(units.shape, np.nan)
+    return FlowSeries(origin, time_us, driven(units, time_us, params), unknown, quality, numbers, units, sent)
+
+
+def _sent_range(
+    whose: tuple[int, int, int, int],
+    rows: list[tuple[int, int, DISTANCE_SENSOR]],
+    params: Mapping[str, float],
+    *,
+    is_own: bool,
+) -> RangeSeries:
+    said: list[Any] = [row[2] for row in rows]
+    table = np.array([(one.current_distance, one.min_distance, one.max_distance) for one in said], np.float64) * 0.01
+    dist_m, low_m, high_m = table.T
+    if not is_own:
+        low_m, high_m = _limits(low_m, high_m, whose[3], params)
+    status = np.full(len(rows), int(RangeStatus.GOOD), dtype=np.int64)
+    status[dist_m < low_m] = RangeStatus.TOO_NEAR
+    status[dist_m > high_m] = RangeStatus.TOO_FAR
+    return RangeSeries(
+        f"DISTANCE_SENSOR {whose[2]} from {whose[0]}/{whose[1]}",
+        whose[2],
+        np.array([row[0] for row in rows], dtype=np.int64),
+        dist_m,
+        low_m,
+        high_m,
+        status,
+        np.full(len(rows), whose[3], dtype=np.int64),
+        np.array([row[1] for row in rows], dtype=np.int64),
+        is_sent=not is_own,
+    )
+
+
+def _limits(low_m: Floats, high_m: Floats, orient: int, params: Mapping[str, float]) -> tuple[Floats, Floats]:
+    """Return the limits that AP_RangeFinder_MAVLink makes of messages' and of those of the finder that takes them."""
+    taking = (one.number for one in finders_in(params) if one.is_mavlink and one.orient == orient)
+    prefix = f"RNGFND{next(taking, '')}_"
+    least, most = (
+        0.01 * params[f"{prefix}{name}_CM"] if f"{prefix}{name}_CM" in params else params.get(prefix + name, unlimited)
+        for name, unlimited in (("MIN", 0.0), ("MAX", np.inf))
+    )
+    neither = (low_m == 0) & (high_m == 0)
+    low, high = np.maximum(low_m, least), np.minimum(high_m, most)
+    return np.where(neither, least, low), np.where(neither, most, high)

@@ -1,0 +1,238 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A sender's path and its velocities side by side: they are to be one motion."""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from viso.doctor.evidence.sender_clock import sender_clock, time_base_us
+from viso.doctor.evidence.tracks import (
+    Bools,
+    Floats,
+    Ints,
+    Poses,
+    Sender,
+    Velocities,
+    down_in_body,
+    euler_of_quat,
+    reordered,
+    rotated,
+)
+
+WINDOW_S: Final = 0.25
+_LONGEST_WINDOW: Final = 2.4  # times its length
+FEWEST_WINDOWS: Final = 30
+LEAST_SPEED: Final = 0.25  # m/s, for directions to mean anything
+_LEAST_RESIDUAL: Final = 0.3  # m/s, below which nothing is an outlier
+_ENOUGH: Final = 5000  # samples to tell axes by
+_CLEARLY_BETTER: Final = 0.02
+_FAILED: Final = -1  # of a quality
+_INVERSE: Final = np.array([1.0, -1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """Mean velocities over windows, of a quarter of a second unless told otherwise, m/s, each M x 3.
+
+    Attributes:
+        pose_sender, velocity_sender: whose messages.
+        numbers: M, of the first pose of each window.
+        arrival_us: M, likewise.
+        path: from the positions.
+        used: from the velocities as the autopilot understands them.
+        told: from the velocities as sent.
+        turned: from the velocities as sent, turned by the attitude.
+        path_body: from the positions, in the axes of the body.
+        reordered: from the velocities as sent, turned by the attitude with its numbers taken as x, y, z, w.
+        is_level_reordered: whether that attitude is more or less level, as those of vehicles are.
+    """
+
+    pose_sender: Sender
+    velocity_sender: Sender
+    numbers: Ints
+    arrival_us: Ints
+    path: Floats
+    used: Floats
+    told: Floats
+    turned: Floats
+    path_body: Floats
+    reordered: Floats
+    is_level_reordered: bool
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether there is enough motion to compare directions."""
+        return len(self.numbers) >= FEWEST_WINDOWS and typical_speed(self.path) >= LEAST_SPEED
+
+
+class Agreement(NamedTuple):
+    """How well velocities fit a path: path = scale x velocity; correlation is -1 to 1."""
+
+    scale: float
+    correlation: float
+
+
+def typical_speed(velocities: Floats) -> float:
+    """Return the root of the mean square of lengths in m/s, the fastest twentieth left out."""
+    lengths = np.linalg.norm(velocities, axis=1)
+    if not len(lengths):
+        return 0.0
+    kept = lengths[lengths <= np.quantile(lengths, 0.95)]
+    return math.sqrt(float(np.mean(kept**2)))
+
+
+def _inliers(path: Floats, velocities: Floats) -> Bools:
+    residual = np.linalg.norm(path - velocities, axis=1)
+    return np.asarray(residual <= max(3 * float(np.median(residual)), _LEAST_RESIDUAL), dtype=np.bool_)
+
+
+def agreement(path: Floats, velocities: Floats) -> Agreement:
+    """Return how well N x 3 velocities fit a path's."""
+    chosen = _inliers(path, velocities)
+    one, other = path[chosen], velocities[chosen]
+    product, energy = float(np.sum(one * other)), float(np.sum(other**2))
+    both = math.sqrt(energy * float(np.sum(one**2)))
+    return Agreement(product / energy if energy > 0 else 0.0, product / both if both > 0 else 0.0)
+
+
+class Axes(NamedTuple):
+    """A way to mix up axes: signed permutation, and in words."""
+
+    matrix: Floats
+    text: str
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether nothing is mixed up."""
+        return bool(np.array_equal(self.matrix, np.eye(3)))
+
+
+def _all_axes() -> Iterator[Axes]:
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1, -1), repeat=3):
+            names = (("-" if sign < 0 else "") + "xyz"[column] for column, sign in zip(order, signs, strict=True))
+            yield Axes(np.diag(signs) @ np.eye(3)[list(order)], f"({', '.join(names)})")
+
+
+AXES: Final[Sequence[Axes]] = tuple(sorted(_all_axes(), key=lambda axes: -float(np.trace(axes.matrix))))
+"""All 48, mirrored ones included; the less is mixed up, the earlier."""
+
+
+def best_axes(path: Floats, velocities: Floats) -> tuple[Axes, Agreement]:
+    """Return the axes with which velocities fit a path best, the least mixed up of those that fit about equally.
+
+    Of long paths a part is looked at, evenly spread.
+    """
+    path, velocities = (values[:: len(path) // _ENOUGH + 1] for values in (path, velocities))
+    best = AXES[0], agreement(path, velocities)
+    for axes in AXES[1:]:
+        fit = agreement(path, velocities @ axes.matrix.T)
+        if fit.correlation > best[1].correlation + _CLEARLY_BETTER:
+            best = axes, fit
+    return best
+
+
+def heading_between(path: Floats, velocities: Floats) -> tuple[float, float]:
+    """Return by what angle in rad horizontal velocities must be turned to fit a path, and the correlation then."""
+    chosen = np.linalg.norm(path, axis=1) <= 3 * max(typical_speed(path), LEAST_SPEED)
+    one, other = path[chosen, :2], velocities[chosen, :2]
+    along = float(np.sum(one * other))
+    across = float(np.sum(other[:, 0] * one[:, 1] - other[:, 1] * one[:, 0]))
+    both = math.sqrt(float(np.sum(one**2)) * float(np.sum(other**2)))
+    return math.atan2(across, along), math.hypot(along, across) / both if both > 0 else 0.0
+
+
+def _integral(time_s: Floats, values: Floats) -> Floats:
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time_s)[:, None]
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
+def _on_times(velocities: Velocities, poses: Poses, time_us: Ints) -> Floats | None:
+    """Return velocities as sent at the times of poses."""
+    if velocities.track.sender == poses.track.sender:
+        return velocities.told
+    if len(velocities.track) < 2:
+        return None
+    times = velocities.track.arrival_us
+    if time_us is poses.track.stamp_us:
+        offset = velocities.track.first_stamp - poses.track.first_stamp
+        times = velocities.track.stamp_us + offset
+        if abs(offset) > 10_000_000 or bool(np.any(np.diff(times) < 0)):
+            return None
+    elif sender_clock(poses.track) is None:
+        return None
+    else:
+        time_us = poses.track.arrival_us
+    return np.column_stack([np.interp(time_us, times, velocities.told[:, axis]) for axis in range(3)])
+
+
+def _is_level(quat_wxyz: Floats) -> bool:
+    """Return whether most of some attitudes are tilted by less than 45 deg."""
+    upright = down_in_body(euler_of_quat(quat_wxyz))[:, 2]
+    return float(np.nanmedian(upright)) > math.cos(math.radians(45))
+
+
+def _motion(poses: Poses, velocities: Velocities, window_s: float) -> Motion | None:
+    time_us = time_base_us(poses.track)
+    told = _on_times(velocities, poses, time_us)
+    if told is None or len(poses.track) < FEWEST_WINDOWS:
+        return None
+    time_s: Floats = np.asarray(time_us * 1e-6, dtype=np.float64)
+    turned = rotated(poses.quat_wxyz, told)
+    finite = np.isfinite(np.column_stack((poses.pos_m, told, turned))).all(axis=1)
+    fine: Bools = np.asarray(finite & (poses.quality != _FAILED), dtype=np.bool_)
+    first = np.arange(len(time_s))
+    last = np.searchsorted(time_s, time_s + window_s)
+    first, last = first[last < len(time_s)], last[last < len(time_s)]
+    bad = np.concatenate([[0], np.cumsum(~fine)])
+    changes = np.concatenate([[0], np.cumsum(np.diff(poses.reset_counter) != 0)])
+    dt = time_s[last] - time_s[first]
+    usable = (bad[last + 1] == bad[first]) & (changes[last] == changes[first]) & (dt <= _LONGEST_WINDOW * window_s)
+    first, last, dt = first[usable], last[usable], dt[usable, None]
+    if not len(first):
+        return None
+
+    def mean_of(values: Floats) -> Floats:
+        total = _integral(time_s, np.where(fine[:, None], values, 0.0))
+        return np.asarray((total[last] - total[first]) / dt)
+
+    with np.errstate(all="ignore"):
+        path = (poses.pos_m[last] - poses.pos_m[first]) / dt
+        mean_turned, mean_told = mean_of(turned), mean_of(told)
+        mean_reordered = mean_of(rotated(reordered(poses.quat_wxyz), told))
+    is_body = velocities.track.sender.name == "ODOMETRY"
+    return Motion(
+        poses.track.sender,
+        velocities.track.sender,
+        poses.track.numbers[first],
+        poses.track.arrival_us[first],
+        path,
+        mean_turned if is_body else mean_told,
+        mean_told,
+        mean_turned,
+        rotated(poses.quat_wxyz[(first + last) // 2] * _INVERSE, path),
+        mean_reordered,
+        _is_level(reordered(poses.quat_wxyz[first])),
+    )
+
+
+def motions_of(
+    poses: Sequence[Poses], velocities: Sequence[Velocities], window_s: float = WINDOW_S
+) -> tuple[Motion, ...]:
+    """Return the motions of all senders that send poses and velocities; ODOMETRY holds both."""
+    found = []
+    for one in poses:
+        sender = one.track.sender
+        for other in velocities:
+            of = other.track.sender
+            both = (of.system_id, of.component_id) == (sender.system_id, sender.component_id)
+            if both and (of == sender or "ODOMETRY" not in (of.name, sender.name)):
+                motion = _motion(one, other, window_s)
+                if motion is not None:
+                    found.append(motion)
+    return tuple(found)

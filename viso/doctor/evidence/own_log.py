@@ -1,0 +1,151 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the filter of a logged vehicle said of itself: XKF or NKF records, texts, events and errors."""
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+import numpy as np
+
+from ap_core.dataflash_columns import LogColumns
+from ekf_stub.inputs.sources import EXTNAV, ROWS, SETS, SourceXY, SourceYaw, SourceZ
+from viso.doctor.evidence.own_filter import (
+    OtherCore,
+    OwnFilter,
+    Witness,
+    innovation_sizes,
+    said_by_filter,
+    sources_over,
+    spans_between,
+)
+from viso.doctor.evidence.tracks import Floats, Ints
+from viso.estimators.series import Series, rows_in_time
+from viso.logs.event_names import (
+    ERR_EKF_FAILSAFE,
+    ERR_EKFCHECK,
+    EV_ARMED,
+    EV_DISARMED,
+    EV_SOURCE_SET_1,
+    error_text,
+)
+from viso.logs.filter_records import EKF2, FilterRecords, filter_records_in, parameters_in, rows_of
+
+_FAILSAFES: Final = (ERR_EKFCHECK, ERR_EKF_FAILSAFE)
+_RATIOS: Final = ("SV", "SP", "SH", "SM")
+_INNOVATIONS: Final = ("IVN", "IVE", "IVD", "IPN", "IPE", "IPD", "IYAW")
+# EK2_ALT_SOURCE, as EK3_SRCn_POSZ has them.
+_EKF2_HEIGHT: Final[Mapping[int, int]] = {
+    0: SourceZ.BARO,
+    1: SourceZ.RANGEFINDER,
+    2: SourceZ.GPS,
+    3: SourceZ.BEACON,
+    4: EXTNAV,
+}
+
+
+def own_filter_in(log: LogColumns) -> OwnFilter:
+    """Return what the filter of a logged vehicle said of itself."""
+    records = filter_records_in(log)
+    status = records.status
+    time_us = _us(status.time_s)
+    texts = tuple((time, str(text)) for time, text in rows_of(log, "MSG", "Message"))
+    innovations = records.innovations
+    return OwnFilter(
+        witness=Witness.LOG,
+        record=f"{records.prefix}4" if len(status) else "",
+        time_us=time_us,
+        ratios=status.matrix(*_RATIOS),
+        flags=_bits(status, "SS"),
+        timeouts=_bits(status, "TS"),
+        sources=_sources(log, time_us, texts, records.prefix),
+        innovation_us=_us(innovations.time_s),
+        innovations=innovation_sizes(innovations.matrix(*_INNOVATIONS)),
+        armed=_armed(log, time_us),
+        texts=texts,
+        failsafes=tuple(
+            (time, error_text(int(subsystem), int(code)))
+            for time, subsystem, code in rows_of(log, "ERR", "Subsys", "ECode")
+            if subsystem in _FAILSAFES and code
+        ),
+        lanes=tuple(_lanes(records.every_status)),
+        others=tuple(_others(records)),
+    )
+
+
+def _us(time_s: Floats) -> Ints:
+    return np.asarray(np.rint(time_s * 1e6), dtype=np.int64)
+
+
+def _bits(series: Series, label: str) -> Ints:
+    return np.asarray(np.nan_to_num(series[label]), dtype=np.int64)
+
+
+def _armed(log: LogColumns, time_us: Ints) -> tuple[tuple[float, float], ...] | None:
+    states = [(time, bool(state)) for time, state in rows_of(log, "ARM", "ArmState")]
+    if not states:
+        known = {EV_ARMED: True, EV_DISARMED: False}
+        states = [(time, known[event]) for time, event in rows_of(log, "EV", "Id") if event in known]
+    spoken = [time for kind in ("PARM", "MSG", "EV", "ARM") for (time,) in rows_of(log, kind)]
+    every_us = rows_in_time(np.array([*spoken, *time_us.tolist()], dtype=np.float64)[:, None]).ravel()
+    start_us, end_us = (int(every_us[0]), int(every_us[-1])) if len(every_us) else (0, 0)
+    if states:
+        return spans_between(states, start_us, max(end_us, states[-1][0]))
+    while_armed_only = any(name == "LOG_DISARMED" and value == 0 for _, name, value in parameters_in(log))
+    if while_armed_only:
+        return ((start_us * 1e-6, end_us * 1e-6),)
+    return () if log.counts.get("EV") else None
+
+
+def _sources(log: LogColumns, time_us: Ints, texts: tuple[tuple[int, str], ...], prefix: str) -> Ints:
+    params: dict[str, float] = {}
+    changes = []
+    for time, name, value in parameters_in(log):
+        if name in params:
+            changes.append((int(time), name, value))
+        params.setdefault(name, value)
+    said = [(time, by_extnav) for time, by_extnav, _ in said_by_filter(texts)]
+    if prefix == EKF2:
+        return _ekf2_sources(time_us, params, said)
+    switches = [(time, int(number)) for time, number in rows_of(log, "XKFS", "SS")]
+    if not switches:
+        sets = range(EV_SOURCE_SET_1, EV_SOURCE_SET_1 + SETS)
+        switches = [(time, event - EV_SOURCE_SET_1) for time, event in rows_of(log, "EV", "Id") if event in sets]
+    return sources_over(time_us, params, changes, _changes(switches), said)
+
+
+def _changes(states: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    return [one for number, one in enumerate(states) if number == 0 or one[1] != states[number - 1][1]]
+
+
+def _ekf2_sources(time_us: Ints, params: Mapping[str, float], said: list[tuple[int, bool]]) -> Ints:
+    """Return what feeds EKF2, which takes positions from external navigation in place of a GPS, yaw with them."""
+    found = sources_over(time_us, {}, (), (), said)
+    by_extnav = found[:, ROWS.index("POSXY")] == EXTNAV
+    compass = params.get("COMPASS_ENABLE", 1) != 0 and params.get("COMPASS_USE", 1) != 0
+    horizontal = np.where(by_extnav, EXTNAV, int(SourceXY.GPS))
+    for row in ("POSXY", "VELXY", "VELZ"):
+        found[:, ROWS.index(row)] = horizontal
+    found[:, ROWS.index("POSZ")] = _EKF2_HEIGHT.get(int(params.get("EK2_ALT_SOURCE", 0)), SourceZ.BARO)
+    found[:, ROWS.index("YAW")] = SourceYaw.COMPASS if compass else np.where(by_extnav, EXTNAV, int(SourceYaw.NONE))
+    return found
+
+
+def _lanes(every: Series) -> Iterator[tuple[int, int]]:
+    """Yield when another core became the primary one, and which."""
+    primary = every["PI"][np.isfinite(every["PI"])]
+    time_us = _us(every.time_s[np.isfinite(every["PI"])])
+    for index in np.flatnonzero(np.diff(primary)) + 1:
+        yield int(time_us[index]), int(primary[index])
+
+
+def _others(records: FilterRecords) -> Iterator[OtherCore]:
+    every = records.every_status
+    cores = np.nan_to_num(every["C"])
+    over = np.nan_to_num(every.matrix(*_RATIOS)).max(axis=1, initial=0.0)
+    unused = (over > 1.0) & np.isfinite(every["PI"]) & (cores != every["PI"])
+    for core in np.unique(cores[unused]).tolist():
+        of_core = cores == core
+        steps_s = np.append(np.diff(every.time_s[of_core]), 0.0)
+        mine = unused[of_core]
+        first_us = int(_us(every.time_s[of_core][mine])[0])
+        yield OtherCore(int(core), float(steps_s[mine].sum()), float(over[of_core][mine].max()), first_us)

@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the filter of a vehicle said of itself over telemetry: EKF_STATUS_REPORT, SYS_STATUS, HEARTBEAT, texts."""
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import dropwhile
+from typing import Final
+
+import numpy as np
+
+from mav_handlers.wire.messages import EKF_STATUS_REPORT, HEARTBEAT, SYS_STATUS, Message
+from viso.doctor.evidence.own_filter import (
+    CHANNELS,
+    OwnFilter,
+    VisionSensor,
+    Witness,
+    said_by_filter,
+    sources_over,
+    spans_between,
+)
+
+MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
+MAV_SYS_STATUS_SENSOR_VISION_POSITION: Final = 1 << 7
+_FAILSAFE: Final = re.compile(r"EKF (variance|Failsafe(?! Cleared))")
+_LANE: Final = re.compile(r"EKF primary changed:(\d)")
+_SOURCE_SET: Final = re.compile(r"Using EKF Source Set (\d)")
+
+
+class FilterListener:
+    """Collects what one autopilot's messages say of its filter and of its vision sensor."""
+
+    def __init__(self) -> None:
+        self._reports: list[tuple[int, int, tuple[float, ...]]] = []
+        self._sensors: list[tuple[int, int, int, int]] = []
+        self._armed: list[tuple[int, bool]] = []
+        self._end_us = 0
+
+    def take(self, time_us: int, message: Message | None) -> None:
+        """Take a message that came at a time in us since boot."""
+        self._end_us = time_us
+        if isinstance(message, EKF_STATUS_REPORT):
+            ratios = (
+                message.velocity_variance,
+                message.pos_horiz_variance,
+                message.pos_vert_variance,
+                message.compass_variance,
+            )
+            self._reports.append((time_us, message.flags, ratios))
+        elif isinstance(message, SYS_STATUS):
+            bits = (
+                message.onboard_control_sensors_present,
+                message.onboard_control_sensors_enabled,
+                message.onboard_control_sensors_health,
+            )
+            self._sensors.append((time_us, *bits))
+        elif isinstance(message, HEARTBEAT):
+            self._armed.append((time_us, bool(message.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)))
+
+    def told(
+        self,
+        params: Mapping[str, float],
+        changes: Sequence[tuple[int, str, float]],
+        texts: Sequence[tuple[int, str]],
+    ) -> OwnFilter:
+        """Return what was said, of an autopilot with parameters at first; changes have time, name and new value."""
+        time_us = np.array([one[0] for one in self._reports], dtype=np.int64)
+        flags = np.array([one[1] for one in self._reports], dtype=np.int64)
+        ratios = np.array([one[2] for one in self._reports], dtype=np.float64).reshape(-1, len(CHANNELS))
+        switches = [(at, int(match[1]) - 1) for at, text in texts if (match := _SOURCE_SET.match(text))]
+        said = [(at, by_extnav) for at, by_extnav, _ in said_by_filter(texts)]
+        states = list(dropwhile(lambda state: not state[1], self._armed))
+        return OwnFilter(
+            witness=Witness.TELEMETRY,
+            record="EKF_STATUS_REPORT" if len(time_us) else "",
+            time_us=time_us,
+            ratios=np.where(np.isfinite(ratios), ratios, np.nan),
+            flags=flags,
+            timeouts=np.zeros(len(flags), dtype=np.int64),
+            sources=sources_over(time_us, params, changes, switches, said),
+            innovation_us=np.zeros(0, dtype=np.int64),
+            innovations=np.zeros((0, len(CHANNELS))),
+            armed=spans_between(states, 0, self._end_us) if self._armed else None,
+            texts=tuple(texts),
+            failsafes=tuple((at, text) for at, text in texts if _FAILSAFE.match(text)),
+            lanes=tuple((at, int(match[1])) for at, text in texts if (match := _LANE.match(text))),
+            vision=self._vision(),
+        )
+
+    def _vision(self) -> VisionSensor | None:
+        if not self._sensors:
+            return None
+        table = np.array(self._sensors, dtype=np.int64)
+        present, enabled, healthy = (table[:, 1:] & MAV_SYS_STATUS_SENSOR_VISION_POSITION != 0).T
+        return VisionSensor(table[:, 0], present, enabled, healthy)

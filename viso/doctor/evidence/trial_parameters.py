@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parameters to try a stream with: given, else heard in it, else assumed so that it can work."""
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from mav_handlers.handlers import VISION_MESSAGES
+from mav_handlers.wire.codec import message_name
+from mav_handlers.wire.messages import VISION_POSITION_DELTA
+from viso.doctor.evidence.evidence import EXTNAV, Assumed
+from viso.doctor.evidence.tracks import POSE_TYPES, VELOCITY_TYPES
+from viso.doctor.evidence.vehicle_data import VehicleData
+from viso.firmware.flown import FlownVersion
+from viso.firmware.releases import Firmware
+from viso.streams.stream import message_id_of
+from viso.streams.stream_kinds import Stream
+
+VISION_NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
+_BARO = 1
+_COMPASS = 1
+_NONE = 0
+_EKF3: Final = 3
+_HEIGHT_SOURCES: Final = {1: 2, 2: 3, 3: 4, 4: EXTNAV}  # of EKn_ALT_SOURCE, as the firmware of 4.1 converts it
+_POSES = frozenset(cls.__name__ for cls in POSE_TYPES)
+_VELOCITIES = frozenset(cls.__name__ for cls in (*VELOCITY_TYPES, VISION_POSITION_DELTA))
+
+
+def _of_older(flown: FlownVersion, told: Mapping[str, float]) -> Iterator[Assumed]:
+    """Yield what makes the vehicle here behave as a release did that lacks the parameter."""
+    if not flown.reads_quality:
+        yield Assumed("VISO_QUAL_MIN", -1, "before 4.6 no quality is read")
+    if flown.has_sources:
+        return
+    uses_compass = told.get("COMPASS_USE", 1) != 0 and told.get("COMPASS_ENABLE", 1) != 0
+    yield Assumed("VISO_TYPE", 1, "before 4.1 messages go to the estimators whatever it is")
+    yield Assumed("AHRS_EKF_TYPE", _EKF3, "EKF2 stands for the filter before 4.1")
+    yield Assumed("EK3_ENABLE", 1, "likewise")
+    yield Assumed("EK3_SRC1_POSXY", EXTNAV, "EKF2 takes positions where it has no GPS")
+    yield Assumed("EK3_SRC1_VELXY", _NONE, "EKF2 takes no velocities")
+    yield Assumed("EK3_SRC1_VELZ", _NONE, "likewise")
+    height = int(told.get("EK2_ALT_SOURCE", 0))
+    yield Assumed("EK3_SRC1_POSZ", _HEIGHT_SOURCES.get(height, _BARO), f"EK2_ALT_SOURCE is {height}")
+    yield Assumed("EK3_SRC1_YAW", *((_COMPASS, "the compass is used") if uses_compass else (EXTNAV, "no compass")))
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """Parameters to try a stream with.
+
+    Attributes:
+        told: by the recording or the user.
+        assumed: what nobody told, or the release that flew had not.
+        tells_all: whether a parameter that is not told is one that the vehicle does not have.
+        firmware: the release that the vehicle of the trial is.
+    """
+
+    firmware: Firmware
+    told: Mapping[str, float]
+    assumed: tuple[Assumed, ...] = ()
+    tells_all: bool = False
+
+    @property
+    def params(self) -> dict[str, float]:
+        """What the vehicle of the trial gets."""
+        return {**self.told, **{one.name: one.value for one in self.assumed}}
+
+
+def settle(
+    stream: Stream,
+    vehicle: VehicleData,
+    given: Mapping[str, float],
+    names: Collection[str],
+    firmware: Firmware,
+    flown: FlownVersion | None,
+) -> Settled:
+    """Return parameters for a vehicle to try a stream, and which of them were assumed.
+
+    What is given wins over what the stream's file holds, and that over what the vehicle says in it.
+
+    Args:
+        stream: to be tried.
+        vehicle: that is heard in it.
+        given: by the user.
+        names: of the messages of external navigation in the stream; without any nothing need be assumed.
+        firmware: which calls its parameters by names of its own.
+        flown: the release that the firmware stands for; None if it stands for none but itself.
+    """
+    told = {**vehicle.params, **stream.params, **given}
+    if vehicle.system_id is not None:
+        told.setdefault(firmware.endpoint.params.system_id, float(vehicle.system_id))
+    tells_all = bool(stream.params) or vehicle.has_all_params
+    assumed = list[Assumed]()
+    if names and flown is not None:
+        assumed += [one for one in _of_older(flown, told) if one.name not in given]
+    if not tells_all:
+        assumed += fitting(names, {*told, *(one.name for one in assumed)})
+    return Settled(firmware, told, tuple(assumed), tells_all)
+
+
+def vision_carried(stream: Stream) -> frozenset[str]:
+    """Return the names of a stream's messages of external navigation."""
+    kinds = {message_id_of(one.frame) for one in stream.messages}
+    return VISION_NAMES & {message_name(kind) for kind in kinds}
+
+
+def fitting(names: Collection[str], known: Collection[str]) -> list[Assumed]:
+    """Return what a vehicle needs for external navigation by messages of some names; nothing if there are none.
+
+    Left out are parameters whose names are known, and all sources if one is.
+    """
+    if not names:
+        return []
+    has_pose, has_velocity = not _POSES.isdisjoint(names), not _VELOCITIES.isdisjoint(names)
+    pose = "the stream carries poses" if has_pose else "the stream carries no pose"
+    velocity = "the stream carries velocities" if has_velocity else "the stream carries no velocity"
+    yaw = "the stream carries the attitude" if has_pose else "the stream carries no attitude"
+    sources = [
+        Assumed("EK3_SRC1_POSXY", EXTNAV if has_pose else _NONE, pose),
+        Assumed("EK3_SRC1_VELXY", EXTNAV if has_velocity else _NONE, velocity),
+        Assumed("EK3_SRC1_POSZ", _BARO, "height from the barometer is what most use"),
+        Assumed("EK3_SRC1_VELZ", EXTNAV if has_velocity else _NONE, velocity),
+        Assumed("EK3_SRC1_YAW", EXTNAV if has_pose else _COMPASS, yaw),
+    ]
+    fit = [
+        Assumed("VISO_TYPE", 1, "MAVLink, which passes samples on as they are"),
+        Assumed("GPS1_TYPE", 0, "no GPS, as external navigation is to be tried"),
+        *([] if any(name.startswith("EK3_SRC") for name in known) else sources),
+    ]
+    return [one for one in fit if one.name not in known]

@@ -1,0 +1,300 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the autopilot itself said in a stream: its attitude, height, parameters and texts."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from ap_core.dataflash_columns import LogColumns
+from mav_handlers.handlers import VISION_MESSAGES
+from mav_handlers.wire.codec import Codec, Header, Received
+from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, SIM_STATE, SIMSTATE, STATUSTEXT, Message
+from viso.doctor.evidence.boot_clock import BootClock, boot_clock
+from viso.doctor.evidence.ground_sensors import NO_GROUND_SENSORS, GroundListener, GroundSensors, ground_sensors_in
+from viso.doctor.evidence.own_filter import OwnFilter
+from viso.doctor.evidence.own_log import own_filter_in
+from viso.doctor.evidence.own_telemetry import FilterListener
+from viso.doctor.evidence.sender_clock import sender_clock
+from viso.doctor.evidence.tracks import STAMPED_TYPES, Floats, Ints, Sender, Track, stamp_of, timed, track_of
+from viso.doctor.evidence.vehicle_position import (
+    LevelSeries,
+    PositionListener,
+    PositionSeries,
+    follows_yaw,
+    level_in,
+    params_in,
+    position_in,
+    sources_of,
+    truth_in,
+)
+from viso.errors import InputError
+from viso.logs.recorded import read_columns, recorded_states
+from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, HeardParams, ParamListener, is_autopilot
+from viso.streams.stream_kinds import Stream
+
+_LOG_ENDINGS: Final = (".bin", ".bin.xz")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AttitudeSeries:
+    """The vehicle's attitude over time by its own account.
+
+    Attributes:
+        time_us: N, us since boot.
+        euler_rad: N x 3, roll, pitch, yaw.
+        origin: what tells it, such as ATT.
+        follows_stream: whether its yaw may come from external navigation: that it agrees proves nothing then.
+    """
+
+    time_us: Ints
+    euler_rad: Floats
+    origin: str = "ATTITUDE"
+    follows_stream: bool = False
+
+    def __len__(self) -> int:
+        return len(self.time_us)
+
+    def at(self, time_us: Ints) -> Floats:
+        """Return roll, pitch, yaw at some times, between neighbours; NaN before the first and after the last."""
+        unwrapped = np.unwrap(self.euler_rad, axis=0)
+        columns = [np.interp(time_us, self.time_us, unwrapped[:, axis], left=np.nan, right=np.nan) for axis in range(3)]
+        return np.column_stack(columns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeightSeries:
+    """The vehicle's height at N times since boot by its own account, from wherever it counts."""
+
+    time_us: Ints
+    down_m: Floats
+
+    def at(self, time_us: Ints) -> Floats:
+        """Return m down at some times, between neighbours; NaN before the first and after the last."""
+        return np.asarray(np.interp(time_us, self.time_us, self.down_m, left=np.nan, right=np.nan), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class ParamChange:
+    """A parameter whose value changed within the stream."""
+
+    time_us: int
+    name: str
+    old: float
+    new: float
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleData:
+    """What an autopilot said.
+
+    Attributes:
+        system_id: its own; None if no heartbeat of one was heard.
+        attitude, height: None if it said nothing of it.
+        params: the first value heard of each.
+        changes: of parameters that were heard more than once.
+        texts: time in us since boot, severity, text.
+        has_all_params: whether a whole list was heard.
+        position: what it said of its place, if that does not come from the stream itself.
+        own_filter: what its filter said of itself; None without an autopilot.
+        vision: the names of the messages of external navigation that came whole, whoever sent them.
+        level: likewise of its height.
+        truth: the attitude by a simulator.
+        is_simulated: whether it flies in a simulator.
+        clock: how its clock ran against that of the recording; None if alike.
+        ground: what flow sensors and range finders said, those of companions too.
+        are_stamps_steady: whether the clocks of those who send external navigation run as the recording's.
+    """
+
+    system_id: int | None = None
+    attitude: AttitudeSeries | None = None
+    height: HeightSeries | None = None
+    params: Mapping[str, float] = field(default_factory=dict)
+    changes: tuple[ParamChange, ...] = ()
+    texts: tuple[tuple[int, int, str], ...] = ()
+    has_all_params: bool = False
+    position: PositionSeries | None = None
+    own_filter: OwnFilter | None = None
+    vision: frozenset[str] = frozenset()
+    level: LevelSeries | None = None
+    truth: AttitudeSeries | None = None
+    is_simulated: bool = False
+    clock: BootClock | None = None
+    ground: GroundSensors = NO_GROUND_SENSORS
+    are_stamps_steady: bool = True
+
+
+class _Listener:
+    def __init__(self) -> None:
+        self.system_id: int | None = None
+        self._ground = GroundListener()
+        self._attitudes: dict[int, list[tuple[int, int, float, float, float]]] = {}
+        self._heights: dict[int, list[tuple[int, float]]] = {}
+        self._params: dict[int, ParamListener] = {}
+        self._texts: dict[int, list[tuple[int, int, str]]] = {}
+        self._positions: dict[int, PositionListener] = {}
+        self._filters: dict[int, FilterListener] = {}
+        self._truths: dict[int, list[tuple[float, ...]]] = {}
+        self._stamps: dict[Sender, list[tuple[int, int, int]]] = {}
+
+    def take(self, time_us: int, number: int, header: Header, message: Message | None) -> None:
+        sender = header.system_id
+        self._ground.take(time_us, number, header, message)
+        self._params.setdefault(sender, ParamListener()).take(time_us, header.component_id, message)
+        if isinstance(message, STAMPED_TYPES):
+            whose = Sender(sender, header.component_id, header.name)
+            self._stamps.setdefault(whose, []).append((time_us, stamp_of(message), header.sequence))
+        if header.component_id != MAV_COMP_ID_AUTOPILOT1:
+            return
+        self._positions.setdefault(sender, PositionListener()).take(time_us, message)
+        self._filters.setdefault(sender, FilterListener()).take(time_us, message)
+        if self.system_id is None and is_autopilot(header.component_id, message):
+            self.system_id = sender
+        elif isinstance(message, ATTITUDE):
+            angles = message.roll, message.pitch, message.yaw
+            self._attitudes.setdefault(sender, []).append((time_us, message.time_boot_ms * 1000, *angles))
+        elif isinstance(message, GLOBAL_POSITION_INT):
+            self._heights.setdefault(sender, []).append((time_us, -1e-3 * message.relative_alt))
+        elif isinstance(message, SIM_STATE | SIMSTATE):
+            self._truths.setdefault(sender, []).append((time_us, message.roll, message.pitch, message.yaw))
+        elif isinstance(message, STATUSTEXT):
+            self._texts.setdefault(sender, []).append((time_us, message.severity, message.text))
+
+    def told(self, given: Mapping[str, float]) -> VehicleData:
+        are_steady = all(sender_clock(_track(whose, rows)) is None for whose, rows in self._stamps.items())
+        if self.system_id is None:
+            return VehicleData(are_stamps_steady=are_steady, ground=self._ground.told(None, given))
+        heard = self._params[self.system_id].told()
+        first, changes = _values(heard)
+        texts = tuple(self._texts.get(self.system_id, []))
+        new_values = [(change.time_us, change.name, change.new) for change in changes]
+        params = sources_of((*first.items(), *((name, value) for _, name, value in new_values)))
+        attitude, places = _series(self._attitudes.get(self.system_id, [])), self._positions[self.system_id]
+        truth = _truth(self._truths.get(self.system_id, []))
+        return VehicleData(
+            self.system_id,
+            None if attitude is None else replace(attitude, follows_stream=follows_yaw(params)),
+            _heights(self._heights.get(self.system_id, [])),
+            first,
+            changes,
+            texts,
+            has_all_params=heard.has_all,
+            position=places.told(params),
+            own_filter=self._filters[self.system_id].told(
+                first, new_values, [(time_us, text) for time_us, _, text in texts]
+            ),
+            level=places.level(params),
+            truth=truth,
+            is_simulated=truth is not None or is_of_simulator(first),
+            are_stamps_steady=are_steady,
+            clock=boot_clock([row[:2] for row in self._attitudes.get(self.system_id, [])]),
+            ground=self._ground.told(self.system_id, {**first, **given}),
+        )
+
+
+def _track(whose: Sender, rows: list[tuple[int, int, int]]) -> Track:
+    arrival_us, stamps, sequence = zip(*rows, strict=True)
+    return track_of(whose, range(1, len(rows) + 1), arrival_us, stamps, sequence)
+
+
+def _values(heard: HeardParams) -> tuple[dict[str, float], tuple[ParamChange, ...]]:
+    first: dict[str, float] = {}
+    last: dict[str, float] = {}
+    changes = []
+    for time_us, name, number in heard.values:
+        if not np.isfinite(number):
+            continue
+        if name in last and last[name] != number:
+            changes.append(ParamChange(time_us, name, last[name], number))
+        first.setdefault(name, number)
+        last[name] = number
+    return first, tuple(changes)
+
+
+def _series(heard: list[tuple[int, int, float, float, float]]) -> AttitudeSeries | None:
+    if len(heard) < 2:
+        return None
+    table = np.array(heard, dtype=np.float64)
+    table = table[np.isfinite(table).all(axis=1)]
+    if len(table) < 2:
+        return None
+    # Its own clock is free of the link's jitter; the least delay ties it to the times of arrival.
+    time_us = table[:, 1] + np.min(table[:, 0] - table[:, 1])
+    order = np.argsort(time_us, kind="stable")
+    return AttitudeSeries(time_us[order].astype(np.int64), table[order, 2:])
+
+
+def _truth(heard: list[tuple[float, ...]]) -> AttitudeSeries | None:
+    table = np.array(heard, dtype=np.float64).reshape(-1, 4)
+    table = table[np.isfinite(table).all(axis=1)]
+    return AttitudeSeries(table[:, 0].astype(np.int64), table[:, 1:], "SIMSTATE") if len(table) > 1 else None
+
+
+def is_of_simulator(names: Iterable[str]) -> bool:
+    """Return whether some parameters are of a vehicle in ArduPilot's simulator."""
+    return any(name.startswith("SIM_") for name in names)
+
+
+def _heights(heard: list[tuple[int, float]]) -> HeightSeries | None:
+    if len(heard) < 2:
+        return None
+    return HeightSeries(np.array([row[0] for row in heard], np.int64), np.array([row[1] for row in heard], np.float64))
+
+
+def listen(stream: Stream, given: Mapping[str, float] = MappingProxyType({})) -> VehicleData:
+    """Return what an autopilot says in a stream; of several, the one that is heard first.
+
+    Parameters that are given win over those heard.
+    """
+    codec, listener, time_us, number, vision = Codec(0, 0), _Listener(), 0, 0, set[str]()
+    for message in stream.messages:
+        time_us = time_us if message.arrival_us is None else message.arrival_us
+        codec.feed(message.frame)
+        while (received := codec.next_received()) is not None:
+            number += 1
+            if isinstance(received, Received):
+                listener.take(time_us, number, received.header, received.message)
+                if type(received.message) in VISION_MESSAGES:
+                    vision.add(received.header.name)
+    return replace(listener.told({**stream.params, **given}), vision=frozenset(vision))
+
+
+def is_log(path: Path) -> bool:
+    """Return whether a file is a DataFlash log by its name."""
+    return path.name.lower().endswith(_LOG_ENDINGS)
+
+
+def vehicle_of_log(path: Path) -> VehicleData:
+    """Return what a DataFlash log has of the vehicle; nothing of a file of another kind, or that cannot be read."""
+    try:
+        return vehicle_in(path, read_columns(path)) if is_log(path) else VehicleData()
+    except InputError:
+        return VehicleData()
+
+
+def vehicle_in(path: Path, log: LogColumns) -> VehicleData:
+    """Return what a DataFlash log that has been read has of the vehicle."""
+    truth = truth_in(log)
+    told = VehicleData(
+        position=position_in(log),
+        own_filter=own_filter_in(log),
+        level=level_in(log),
+        ground=ground_sensors_in(log),
+        truth=None if truth is None else AttitudeSeries(truth[:, 0].astype(np.int64), np.radians(truth[:, 1:]), "SIM"),
+    )
+    try:
+        states = recorded_states(path, log)
+    except InputError:  # without ATT
+        return told
+    att = timed(np.column_stack([states.att_time_us, states.att_rpy_deg]))
+    attitude = None
+    if len(att):
+        rpy_rad = np.radians(att[:, 1:])
+        attitude = AttitudeSeries(att[:, 0].astype(np.int64), rpy_rad, "ATT", follows_yaw(params_in(log)))
+    position = timed(np.column_stack([states.pos_time_us, states.pos_ned]))
+    height = HeightSeries(position[:, 0].astype(np.int64), position[:, 3]) if len(position) > 1 else None
+    return replace(told, attitude=attitude, height=height)

@@ -1,0 +1,174 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the autopilot would do with a stream, in a few figures."""
+
+import itertools
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Final
+
+import numpy as np
+
+from ap_core.verdict import Outcome
+from ekf_stub.reports.aiding_mode import AidingMode
+from viso.doctor.evidence.evidence import Evidence
+from viso.doctor.evidence.lags import lateness_ms, tells_lags
+from viso.doctor.evidence.own_filter import CHANNELS, NOT_TOLD, OwnFilter, Witness, source_name
+from viso.streams.stream_kinds import Aspect
+from viso.vehicle.outcomes.labels import Fate, fate_of
+
+HEALTHY_US: Final = 300_000
+LAG_EDGES_MS: Final = (5, 10, 20, 50, 100, 200, 500)
+
+
+@dataclass(frozen=True, slots=True)
+class Lags:
+    """How much later than the quickest messages around them others of a type arrive, by their stamps.
+
+    Attributes:
+        sender: who sends what.
+        median_ms, p99_ms, worst_ms: of all.
+        counts: below 5, 10, 20, 50, 100, 200, 500 ms, and above.
+    """
+
+    sender: str
+    median_ms: float
+    p99_ms: float
+    worst_ms: float
+    counts: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnWords:
+    """What the filter of the vehicle that really flew said of itself.
+
+    Attributes:
+        witness: a log or telemetry.
+        record: what tells it, such as XKF4.
+        running_s: for how long it had an attitude.
+        positioned_s: of that with a position, or a velocity, by external navigation.
+        worst: the largest square root of a test ratio by channel, while the filter could use its source.
+        sources: what fed those channels, at last, as far as it is known.
+    """
+
+    witness: Witness
+    record: str
+    running_s: float
+    positioned_s: float
+    worst: Mapping[str, float]
+    sources: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What the autopilot would do.
+
+    Attributes:
+        outcomes: messages by type and outcome, external navigation only.
+        rate_hz: of messages by type.
+        samples: in the filter by kind and fate, a model's opinion but for the refused.
+        healthy_from_us: when the first message was taken; None if none was.
+        unhealthy: how often the sensor turned unhealthy before the end.
+        aiding_from_us: when the filter would navigate by it first, a model's opinion; None if never.
+        aiding_until_us: when it would stop for good; None if it never starts or goes on to the end.
+        lags: of each sender's messages of each type; none if the recording does not tell when they arrived, or the
+            sender's clock does not run as the autopilot's.
+        own: what the vehicle's own filter said; None if no vehicle is heard, or it says nothing of its filter.
+    """
+
+    outcomes: Mapping[tuple[str, Outcome], int]
+    rate_hz: Mapping[str, float]
+    samples: Mapping[tuple[str, Fate], int]
+    healthy_from_us: int | None
+    unhealthy: int
+    aiding_from_us: int | None
+    aiding_until_us: int | None
+    lags: tuple[Lags, ...]
+    own: OwnWords | None = None
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the summary for machine-readable output."""
+        return {
+            "messages": [
+                {"message": name, "outcome": outcome.value, "count": count}
+                for (name, outcome), count in sorted(self.outcomes.items())
+            ],
+            "rate_hz": {name: round(rate, 2) for name, rate in sorted(self.rate_hz.items())},
+            "samples": [
+                {"kind": kind, "outcome": fate.value, "count": count, "model": fate is not Fate.REFUSED}
+                for (kind, fate), count in sorted(self.samples.items())
+            ],
+            "healthy_from_us": self.healthy_from_us,
+            "unhealthy": self.unhealthy,
+            "aiding_from_us": self.aiding_from_us,
+            "aiding_until_us": self.aiding_until_us,
+            "lags": [
+                {
+                    "sender": one.sender,
+                    "median_ms": round(one.median_ms, 1),
+                    "p99_ms": round(one.p99_ms, 1),
+                    "worst_ms": round(one.worst_ms, 1),
+                    "edges_ms": list(LAG_EDGES_MS),
+                    "counts": list(one.counts),
+                }
+                for one in self.lags
+            ],
+            "own_filter": None if self.own is None else asdict(self.own),
+        }
+
+
+def _own_words(own: OwnFilter | None) -> OwnWords | None:
+    if own is None or not own.record:
+        return None
+    step_s, usable = own.step_s, own.usable
+    worst = np.nanmax(np.where(usable & np.isfinite(own.ratios), own.ratios, -1.0), axis=0, initial=-1.0)
+    told = {name: round(value, 2) for name, value in zip(CHANNELS, worst.tolist(), strict=True) if value >= 0}
+    by = {name: own.source(number) for number, name in enumerate(CHANNELS) if name in told}
+    sources = {name: source_name(CHANNELS.index(name), one) for name, one in by.items() if one != NOT_TOLD}
+    running_s, positioned_s = (float(step_s[mask].sum()) for mask in (own.running, own.uses_extnav))
+    return OwnWords(own.witness, own.record, running_s, positioned_s, told, sources)
+
+
+def _lags(evidence: Evidence) -> tuple[Lags, ...]:
+    found = []
+    for track in evidence.tracks:
+        if tells_lags(track):
+            lag = lateness_ms(track)
+            counts = np.bincount(np.searchsorted(LAG_EDGES_MS, lag, side="right"), minlength=len(LAG_EDGES_MS) + 1)
+            median, high = (float(value) for value in np.quantile(lag, [0.5, 0.99]))
+            found.append(Lags(str(track.sender), median, high, float(lag.max()), tuple(counts.tolist())))
+    return tuple(found)
+
+
+def _rates(evidence: Evidence) -> dict[str, float]:
+    spans: dict[str, list[int]] = {}
+    for one in evidence.vision:
+        spans.setdefault(one.name, []).append(one.arrival_us)
+    return {name: 1e6 * (len(at) - 1) / (at[-1] - at[0]) for name, at in spans.items() if at[-1] > at[0]}
+
+
+def _samples(evidence: Evidence) -> Counter[tuple[str, Fate]]:
+    counts: Counter[tuple[str, Fate]] = Counter()
+    for one in evidence.vision:
+        for sample in one.samples:
+            counts.update((fate.outcome.kind, fate_of(fate.outcome.rule)) for fate in sample.fates)
+    return counts
+
+
+def summarise(evidence: Evidence) -> Summary:
+    """Return what the autopilot would do with the stream."""
+    taken = [one.arrival_us for one in evidence.vision if one.is_taken]
+    aided = [span for span in evidence.aiding if span.mode is not AidingMode.NONE]
+    goes_on = bool(aided) and aided[-1] == evidence.aiding[-1]
+    return Summary(
+        outcomes=Counter((one.name, one.verdict.outcome) for one in evidence.vision),
+        rate_hz=_rates(evidence),
+        samples=_samples(evidence),
+        healthy_from_us=taken[0] if taken else None,
+        unhealthy=sum(later - earlier >= HEALTHY_US for earlier, later in itertools.pairwise(taken)),
+        aiding_from_us=aided[0].start_us if aided else None,
+        aiding_until_us=aided[-1].end_us if aided and not goes_on else None,
+        lags=() if Aspect.ARRIVAL in evidence.lacks else _lags(evidence),
+        own=_own_words(evidence.own_filter),
+    )
