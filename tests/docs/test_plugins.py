@@ -22,7 +22,7 @@ from tests.unit.viso.companion.vio.strategy_rig import (
 )
 from viso import InputError, Stream, StreamMessage, read_stream
 from viso.companion import VioConfig, build_vio_strategy
-from viso.doctor import GatherOptions, all_checks, diagnose, gather
+from viso.doctor import all_checks, diagnose, gather
 
 EXAMPLES = sorted((ROOT / "docs" / "examples" / "plugins").iterdir())
 
@@ -78,7 +78,7 @@ def test_check_of_the_doctor_finds(tmp_path: Path) -> None:
     speeds = [(30_000_000 + 50_000 * count, 1.0 if count < 5 else 4.0) for count in range(10)]
     frames = [(time_us, camera.encode(VISION_SPEED_ESTIMATE(time_us, x, 0.0, 0.0))) for time_us, x in speeds]
     stream = Stream("made", tuple(StreamMessage(time_us, frame) for time_us, frame in frames))
-    (finding,) = [one for one in diagnose(gather(stream, GatherOptions()), all_checks()) if one.code == "WALK-01"]
+    (finding,) = [one for one in diagnose(gather(stream), all_checks()) if one.code == "WALK-01"]
     assert finding.evidence == "5 messages report more than 3 m/s"
     assert finding.message_numbers == (6, 7, 8, 9, 10)
 

@@ -12,7 +12,7 @@ import typer
 
 from mav_handlers.links import LINKS, open_link
 from viso.dds.poses import PoseTopic, live_topic_of
-from viso.doctor import Evidence, Finding, GatherOptions, Severity, all_checks, diagnose, gather
+from viso.doctor import Evidence, Finding, Severity, VehicleData, all_checks, diagnose, gather
 from viso.doctor.evidence.live import heard_on_link, heard_on_topic, stream_of_topic
 from viso.doctor.evidence.vehicle_data import vehicle_of_log
 from viso.doctor.output.machine_formats import as_json, as_junit, as_sarif
@@ -152,8 +152,18 @@ def doctor(
     rate = (stream.baud if baud is None else baud) or None
     if rate is not None and rate < 0:
         raise InputError(f"--baud {baud}: not a rate")
-    options = GatherOptions(params, rate, heading_rad=heading_rad, firmware=chosen, filter_s=filter_seconds)
-    evidence = _examine(stream, _with_log(options, attitude, Path(source)))
+    vehicle = _vehicle_of(attitude, Path(source))
+    with progress("trying the stream", len(stream.messages)) as show:
+        evidence = gather(
+            stream,
+            params=params,
+            vehicle=vehicle,
+            firmware=chosen,
+            baud=rate,
+            heading_rad=heading_rad,
+            filter_s=filter_seconds,
+            on_progress=show,
+        )
     checks = all_checks()
     findings = diagnose(evidence, checks)
     if sarif is not None:
@@ -189,17 +199,12 @@ def _hear(name: str, domain: int, seconds: float, lead_us: int, axes: str, form:
         return stream_of_topic(topic, heard, lead_us, axes, form)
 
 
-def _with_log(options: GatherOptions, log: Path | None, source: Path) -> GatherOptions:
-    """Return options with what a log holds of the vehicle, the source itself if that is one."""
+def _vehicle_of(log: Path | None, source: Path) -> VehicleData:
+    """Return what a log holds of the vehicle; without one, what the source holds if it is a log."""
     vehicle = vehicle_of_log(source if log is None else log)
     if log is not None and vehicle.attitude is None:
         raise InputError(f"{log}: not a DataFlash log with ATT records")
-    return options.beside(vehicle)
-
-
-def _examine(stream: Stream, options: GatherOptions) -> Evidence:
-    with progress("trying the stream", len(stream.messages)) as show:
-        return gather(stream, options, show)
+    return vehicle
 
 
 def _print(evidence: Evidence, findings: list[Finding]) -> None:
@@ -213,7 +218,7 @@ def _print(evidence: Evidence, findings: list[Finding]) -> None:
         out.print(summary_table(summary))
     for sentence in summary_lines(summary):
         out.print(sentence)
-    out.print(f"{evidence.name}: {count_text(findings)}")
+    out.print(f"{evidence.stream.name}: {count_text(findings)}")
 
 
 def _write(path: Path, text: str) -> None:

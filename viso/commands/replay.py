@@ -16,8 +16,7 @@ from viso.compare.figures import Judge, Row, timed_places
 from viso.compare.merit import merit_lines, merit_rows, merit_table
 from viso.compare.observability import doubts
 from viso.compare.replays import compare, comparison_rows, comparison_tables, setting_lines
-from viso.doctor.evidence.evidence import Assumed
-from viso.doctor.evidence.trial_parameters import fitting, vision_carried
+from viso.doctor.evidence.set_up import Assumed, fitting, vision_carried
 from viso.doctor.evidence.vehicle_position import PositionSeries, position_in
 from viso.errors import InputError
 from viso.files.text_files import write_text

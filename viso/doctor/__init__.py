@@ -5,19 +5,21 @@
 from viso.doctor.checks import CHECKS, all_checks
 from viso.doctor.checks.check import Check, Finding, Severity, Sighting, check
 from viso.doctor.diagnosis import diagnose
-from viso.doctor.evidence.evidence import Evidence, SeenMessage
-from viso.doctor.evidence.gathering import GatherOptions, gather
+from viso.doctor.evidence.evidence import Evidence
+from viso.doctor.evidence.gathering import gather
 from viso.doctor.evidence.own_filter import Witness
+from viso.doctor.evidence.tracks import HandledMessage
+from viso.doctor.evidence.vehicle_data import VehicleData
 
 __all__ = [
     "CHECKS",
     "Check",
     "Evidence",
     "Finding",
-    "GatherOptions",
-    "SeenMessage",
+    "HandledMessage",
     "Severity",
     "Sighting",
+    "VehicleData",
     "Witness",
     "all_checks",
     "check",

@@ -19,7 +19,7 @@ def diagnose(evidence: Evidence, checks: Iterable[Check]) -> list[Finding]:
         findings = [
             make_finding(check, sighting, evidence.vehicle_witness)
             for check in checks
-            if check.needs.isdisjoint(evidence.lacks)
+            if check.needs.isdisjoint(evidence.stream.lacks)
             for sighting in check.find(evidence)
         ]
     return sorted(findings, key=lambda finding: (finding.severity.rank, finding.code))

@@ -3,7 +3,7 @@
 """Numbers that a report tells: what came, how regularly, what was withheld, and what the EKF did with it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -131,8 +131,8 @@ def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
     if len(arrivals_s) and end_s - arrivals_s[-1] > UNHEALTHY_S:
         gaps.append((float(arrivals_s[-1]), end_s))
     status_s = material.xkf4.time_s
-    evidence = gather(material.stream, replace(material.vehicle, firmware=firmware))
-    own = evidence.own_filter
+    evidence = gather(material.stream, vehicle=material.vehicle, firmware=firmware, is_tried=False)
+    own = evidence.vehicle.own_filter
     assert own is not None
     return Facts(
         start_s=start_s,
@@ -159,7 +159,7 @@ def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
 def _findings(evidence: Evidence) -> list[Finding]:
     """Return what the doctor finds, but nothing of a model, and nothing of parameters that the log does not tell."""
     checks = [check for check in all_checks() if check.witness is not Witness.MODEL]
-    return diagnose(evidence, [check for check in checks if not (evidence.assumed and check.family == "XN7")])
+    return diagnose(evidence, [check for check in checks if not (evidence.set_up.assumed and check.family == "XN7")])
 
 
 def positioned_at(own: OwnFilter, at_s: Array) -> Mask:

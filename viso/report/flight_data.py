@@ -13,8 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from viso.doctor.evidence.gathering import GatherOptions
-from viso.doctor.evidence.vehicle_data import vehicle_in
+from viso.doctor.evidence.vehicle_data import VehicleData, vehicle_in
 from viso.errors import InputError
 from viso.estimators.series import Array, Series, number_in, series_of
 from viso.firmware.flown import FlownVersion, version_in
@@ -105,7 +104,7 @@ class Material:
     parameters: tuple[LoggedParameter, ...]
     left_out: int
     stream: Stream
-    vehicle: GatherOptions
+    vehicle: VehicleData
 
     def parameter(self, name: str) -> float | None:
         """Return the last value of a parameter; None if the log has none."""
@@ -215,7 +214,7 @@ def _material(path: Path, log: LogColumns, told: Sequence[Happening | LoggedPara
         parameters=tuple(one for one in told if isinstance(one, LoggedParameter)),
         left_out=left_out + of_filter.left_out,
         stream=_stream(path, log),
-        vehicle=GatherOptions(is_tried=False).beside(vehicle_in(path, log)),
+        vehicle=vehicle_in(path, log),
     )
 
 

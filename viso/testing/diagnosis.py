@@ -3,12 +3,11 @@
 """The doctor's look at what a test has sent."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from viso.doctor import CHECKS, Finding, GatherOptions, Severity, diagnose, gather
-from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries
+from viso.doctor import CHECKS, Finding, Severity, diagnose, gather
+from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries, VehicleData
 from viso.doctor.evidence.vehicle_position import PositionSeries
 from viso.firmware.releases import Firmware
 from viso.streams.stream import Stream
@@ -22,18 +21,19 @@ def findings_in(seen: Observer, vehicle: Vehicle, firmware: Firmware) -> list[Fi
     """Return what the doctor finds in what was sent to a vehicle, tried again on one with the same parameters."""
     params = {param.name: float(param.value) for param in vehicle.params}
     stream = Stream("what was sent", tuple(seen.sent), params)
-    return diagnose(gather(stream, _beside_truth(seen, GatherOptions(firmware=firmware))), CHECKS)
+    return diagnose(gather(stream, vehicle=_truth(seen), firmware=firmware), CHECKS)
 
 
-def _beside_truth(seen: Observer, options: GatherOptions) -> GatherOptions:
+def _truth(seen: Observer) -> VehicleData:
+    """Return the vehicle's own motion, if it flew."""
     if not seen.truths:
-        return options
+        return VehicleData()
     time_us = np.array([time_us for time_us, _ in seen.truths])
     time_us, first = np.unique(time_us, return_index=True)
     ned_m = np.array([state.pos for _, state in seen.truths])[first]
     attitude = AttitudeSeries(time_us, np.array([state.rpy for _, state in seen.truths])[first], "truth")
     height, position = HeightSeries(time_us, ned_m[:, 2]), PositionSeries("truth", time_us, ned_m)
-    return replace(options, attitude=attitude, height=height, position=position)
+    return VehicleData(attitude=attitude, height=height, position=position)
 
 
 def check_no_findings(findings: Sequence[Finding], least: str, but: Collection[str]) -> None:

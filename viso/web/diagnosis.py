@@ -64,7 +64,7 @@ async def examine(material: Mapping[str, Any]) -> dict[str, Any] | None:
 def report_on(material: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the doctor finds: ``count`` in words, ``json`` as ``viso doctor --json`` has it, and ``text``."""
     # The doctor is imported where it is wanted: the page alone opens without it.
-    from viso.doctor import GatherOptions, all_checks, diagnose, gather
+    from viso.doctor import all_checks, diagnose, gather
     from viso.doctor.output.machine_formats import as_json
     from viso.doctor.output.summary import summarise
     from viso.doctor.output.terminal import count_text, finding_lines, summary_lines
@@ -73,7 +73,7 @@ def report_on(material: Mapping[str, Any]) -> dict[str, Any]:
 
     messages = tuple(StreamMessage(time_us, bytes.fromhex(frame)) for time_us, frame in material["frames"])
     firmware = PROFILES[material["firmware"]]
-    evidence = gather(Stream(NAME, messages, material["params"]), GatherOptions(firmware=firmware))
+    evidence = gather(Stream(NAME, messages, material["params"]), firmware=firmware)
     findings, summary = diagnose(evidence, all_checks()), summarise(evidence)
     lines = [line.plain for finding in findings for line in finding_lines(finding, None)]
     count = count_text(findings)

@@ -9,11 +9,12 @@ from typing import Final
 
 import numpy as np
 
+from ekf_stub.inputs.sources import EXTNAV
 from viso.doctor.checks.beside_vehicle import ALIGNED, aligned_us, lasting
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, share
 from viso.doctor.evidence.compare import ALIGNING_TYPES, oriented
-from viso.doctor.evidence.evidence import EXTNAV, Evidence
+from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import FEWEST
 from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
@@ -38,9 +39,9 @@ _NEVER_US: Final = 1 << 62
     fix="Nothing, if the shift is the angle that you expect between the camera's frame and north.",
 )
 def alignment_shift(evidence: Evidence) -> Iterator[Sighting]:
-    for time_us, _, text in evidence.texts:
+    for time_us, _, text in evidence.trial.texts:
         if text.startswith(ALIGNED):
-            known = "" if evidence.attitude is not None else ", if the vehicle points north at first"
+            known = "" if evidence.vehicle.attitude is not None else ", if the vehicle points north at first"
             yield Sighting(f'at {at(time_us)} it would say "{text}"{known}', start_us=time_us, end_us=time_us)
 
 
@@ -58,7 +59,7 @@ def alignment_shift(evidence: Evidence) -> Iterator[Sighting]:
     ),
 )
 def alignment_refused(evidence: Evidence) -> Iterator[Sighting]:
-    if evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") == EXTNAV and evidence.poses:
+    if evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") == EXTNAV and evidence.stream.poses:
         yield Sighting(f"VISO_TYPE is {evidence.viso_type}, and EK3_SRC1_YAW is 6 (ExtNav)")
 
 
@@ -78,7 +79,7 @@ def alignment_waits(evidence: Evidence) -> Iterator[Sighting]:
         evidence.viso_type in ALIGNING_TYPES
         and evidence.source("YAW") != EXTNAV
         and not evidence.has_compass
-        and evidence.poses
+        and evidence.stream.poses
     ):
         yield Sighting(
             f"VISO_TYPE is {evidence.viso_type}, EK3_SRC1_YAW is {evidence.source('YAW')}, and there is no compass"
@@ -126,18 +127,17 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
 
     Types 2 and 3 alone obey VISO_ORIENT. A vehicle whose filter has lost itself, with a bad IMU, is no measure.
     """
-    attitude, own = evidence.truth or evidence.attitude, evidence.own_filter if evidence.truth is None else None
+    attitude = evidence.vehicle.best_attitude
     if attitude is None:
         return
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
-        told, vehicle = euler_of_quat(quats), attitude.at(poses.track.arrival_us)
-        usable = np.isfinite(np.column_stack((told, vehicle))).all(axis=1)
-        if own is not None:
-            usable &= ~own.lost_itself(poses.track.arrival_us)
+        sent, vehicle = euler_of_quat(quats), attitude.at(poses.track.arrival_us)
+        usable = np.isfinite(np.column_stack((sent, vehicle))).all(axis=1)
+        usable &= ~evidence.vehicle.is_attitude_wrong(poses.track.arrival_us)
         chosen = np.flatnonzero(usable)
         if len(chosen) >= FEWEST:
-            yield poses, chosen, told[chosen], vehicle[chosen]
+            yield poses, chosen, sent[chosen], vehicle[chosen]
 
 
 @check(
@@ -210,8 +210,10 @@ def yaw_after_alignment(evidence: Evidence) -> Iterator[Sighting]:
 )
 def too_short_to_align(evidence: Evidence) -> Iterator[Sighting]:
     aligns = evidence.viso_type in ALIGNING_TYPES and evidence.source("YAW") != EXTNAV and evidence.has_compass
-    if aligns and evidence.poses and not aligned_us(evidence):
-        yield Sighting(f"the stream ends at {at(evidence.end_us)}, before the AHRS has settled, 20 s after it started")
+    if aligns and evidence.stream.poses and not aligned_us(evidence):
+        yield Sighting(
+            f"the stream ends at {at(evidence.stream.end_us)}, before the AHRS has settled, 20 s after it started"
+        )
 
 
 @check(
@@ -227,9 +229,9 @@ def too_short_to_align(evidence: Evidence) -> Iterator[Sighting]:
 )
 def switch_jumps(evidence: Evidence) -> Iterator[Sighting]:
     may_switch = evidence.source("POSXY") != EXTNAV and EXTNAV in (evidence.source("POSXY", n) for n in (2, 3))
-    aligns = any(evidence.firmware.visual_odom.axes_to_align(True, True))
-    if evidence.viso_type in ALIGNING_TYPES and evidence.poses and may_switch and not aligns:
+    aligns = any(evidence.set_up.firmware.visual_odom.axes_to_align(True, True))
+    if evidence.viso_type in ALIGNING_TYPES and evidence.stream.poses and may_switch and not aligns:
         yield Sighting(
             f"VISO_TYPE is {evidence.viso_type}, a later source set takes positions from external navigation, and the "
-            f"firmware is {evidence.firmware.name}"
+            f"firmware is {evidence.set_up.firmware.name}"
         )

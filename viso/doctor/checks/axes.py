@@ -124,10 +124,10 @@ def world_not_down(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
-    if evidence.height is None:
+    if evidence.vehicle.height is None:
         return
-    for poses in evidence.poses:
-        there = evidence.height.at(poses.track.arrival_us)
+    for poses in evidence.stream.poses:
+        there = evidence.vehicle.height.at(poses.track.arrival_us)
         down = poses.pos_m[:, 2]
         fine = np.isfinite(there) & np.isfinite(down)
         if np.count_nonzero(fine) < 20 or np.ptp(there[fine]) < _LEAST_CLIMB_M or np.std(down[fine]) == 0:
@@ -177,14 +177,14 @@ def position_axes(evidence: Evidence) -> Iterator[Sighting]:
 )
 def quaternion_order(evidence: Evidence) -> Iterator[Sighting]:
     """Find quaternions that make sense only as x, y, z, w: by velocities, or by the vehicle's own roll and pitch."""
-    by_velocity = [motion.pose_sender for motion in evidence.motions if is_misordered(motion)]
-    for poses in evidence.poses:
+    by_velocity = [motion.pose_sender for motion in evidence.stream.motions if is_misordered(motion)]
+    for poses in evidence.stream.poses:
         track = poses.track
         if track.sender in by_velocity:
             text = "the velocity fits the path only if the quaternion is read as x, y, z, w"
             yield Sighting.in_track(f"{track.sender}: {text}", track)
-        elif poses.euler_rad is None and evidence.attitude is not None:
-            vehicle = evidence.attitude.at(track.arrival_us)
+        elif poses.euler_rad is None and evidence.vehicle.attitude is not None:
+            vehicle = evidence.vehicle.attitude.at(track.arrival_us)
             apart = [_median_tilt(quats, vehicle) for quats in (poses.quat_wxyz, reordered(poses.quat_wxyz))]
             if apart[0] > _TILTED_RAD and apart[1] < _LEVEL_RAD:
                 yield Sighting.in_track(
@@ -210,9 +210,13 @@ def quaternion_order(evidence: Evidence) -> Iterator[Sighting]:
 )
 def sinks_below_start(evidence: Evidence) -> Iterator[Sighting]:
     """Find what begins at rest, goes down and never up, where nothing else tells the vehicle's height or attitude."""
-    if evidence.height is not None or evidence.level is not None or evidence.attitude is not None:
+    if (
+        evidence.vehicle.height is not None
+        or evidence.vehicle.level is not None
+        or evidence.vehicle.attitude is not None
+    ):
         return
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         pos = poses.pos_m[np.isfinite(poses.pos_m).all(axis=1)]
         if len(pos) < FEWEST or np.ptp(pos[:_AT_REST], axis=0).max() > _STILL_M:
             continue

@@ -82,21 +82,21 @@ class HeadingDeparture:
 
 def is_of_one_time(evidence: Evidence) -> bool:
     """Return whether stream and vehicle are known to be of one time: a trajectory has a clock of its own."""
-    if Aspect.RESETS not in evidence.lacks:
+    if Aspect.RESETS not in evidence.stream.lacks:
         return True
     return any(compared.since_arrival.enough_motion for compared in evidence.comparisons)
 
 
 def aligned_us(evidence: Evidence) -> list[int]:
     """Return when poses were aligned: by the emulated autopilot, or by that whose log holds them."""
-    own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
-    said = [(time_us, text) for time_us, _, text in evidence.texts] + ([] if own is None else [*own.texts])
+    own = evidence.vehicle.own_filter if evidence.vehicle_witness is Witness.LOG else None
+    said = [(time_us, text) for time_us, _, text in evidence.trial.texts] + ([] if own is None else [*own.texts])
     return [time_us for time_us, text in said if text.startswith(ALIGNED)]
 
 
 def follows_vehicle(evidence: Evidence, time_us: Ints) -> Bools:
     """Return when the autopilot made the positions of a log follow the vehicle, which navigated by something else."""
-    own = evidence.own_filter if evidence.vehicle_witness is Witness.LOG else None
+    own = evidence.vehicle.own_filter if evidence.vehicle_witness is Witness.LOG else None
     if own is None or evidence.viso_type not in ALIGNING_TYPES:
         return np.zeros(len(time_us), dtype=np.bool_)
     return own.is_fed_by_others(POSITION, time_us)
@@ -111,7 +111,7 @@ def began_anew_us(evidence: Evidence, poses: Poses) -> Ints:
 
 def ways_of_poses(evidence: Evidence) -> Iterator[tuple[Poses, Way]]:
     """Yield poses, and the way of those that are not told to have failed and do not follow the vehicle."""
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         fine = (np.abs(poses.pos_m) < _FARTHEST_M).all(axis=1) & (poses.quality != _FAILED)
         chosen = np.flatnonzero(fine & ~follows_vehicle(evidence, poses.track.arrival_us))
         if len(chosen) >= _FEWEST:
@@ -120,7 +120,7 @@ def ways_of_poses(evidence: Evidence) -> Iterator[tuple[Poses, Way]]:
 
 def ways_of_velocities(evidence: Evidence) -> Iterator[tuple[Velocities, Way]]:
     """Yield velocities, and the way that they come to, over no gap."""
-    for velocities in evidence.velocities:
+    for velocities in evidence.stream.velocities:
         chosen = np.flatnonzero((np.abs(velocities.used) < _FASTEST_M_S).all(axis=1))
         if len(chosen) < _FEWEST:
             continue
@@ -140,18 +140,17 @@ def reference_of(position: PositionSeries) -> tuple[Ints, Floats]:
 
 def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
     """Yield how the heading of each stream of poses leaves that of the vehicle."""
-    vehicle, own = evidence.truth or evidence.attitude, evidence.own_filter if evidence.truth is None else None
+    vehicle = evidence.vehicle.best_attitude
     if vehicle is None or len(vehicle) < FEWEST or not is_of_one_time(evidence):
         return
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
         compared = comparison_of(poses, evidence.comparisons)
         delay_us = 0 if compared is None else int(compared.late_ms * 1e3)
         there = vehicle.at(poses.track.arrival_us - delay_us)
         norm = np.linalg.norm(quats, axis=1)
         fine = np.isfinite(there).all(axis=1) & (np.abs(norm - 1) < 0.1) & (poses.quality != _FAILED)
-        if own is not None:
-            fine &= ~own.lost_itself(poses.track.arrival_us)
+        fine &= ~evidence.vehicle.is_attitude_wrong(poses.track.arrival_us)
         chosen = np.flatnonzero(fine)
         if len(chosen) < _FEWEST:
             continue
@@ -201,7 +200,7 @@ def wanders(evidence: Evidence, sender: Sender) -> bool:
 
 def likeness_of(evidence: Evidence, way: Way) -> Likeness | None:
     """Return how a way is like the vehicle's own; None where nothing tells that, or the vehicle moved too little."""
-    position = evidence.position
+    position = evidence.vehicle.position
     if position is None or not is_of_one_time(evidence):
         return None
     found = estimate_likeness(

@@ -15,7 +15,7 @@ from viso.streams.stream_kinds import Aspect
 if TYPE_CHECKING:
     from viso.doctor.evidence.evidence import Evidence
     from viso.doctor.evidence.motion import Motion
-    from viso.doctor.evidence.tracks import SeenMessage, Track
+    from viso.doctor.evidence.tracks import HandledMessage, Track
 
 NUMBERS_SHOWN: Final = 5
 
@@ -64,7 +64,7 @@ class Sighting:
 
     @classmethod
     def in_messages(
-        cls, text: str, messages: Sequence["SeenMessage"], fix: str | None = None, severity: Severity | None = None
+        cls, text: str, messages: Sequence["HandledMessage"], fix: str | None = None, severity: Severity | None = None
     ) -> "Sighting":
         """Return what some messages show, one at least, in the order of their arrival."""
         numbers = [one.number for one in messages]

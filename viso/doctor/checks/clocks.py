@@ -50,7 +50,7 @@ _UNITS: Final = (
     ),
 )
 def constant_stamps(evidence: Evidence) -> Iterator[Sighting]:
-    for track in evidence.tracks:
+    for track in evidence.stream.tracks:
         if is_constant(track):
             value = int(track.first_stamp + np.median(track.stamp_us))
             yield Sighting.in_track(f"{track.sender}: the stamp is always {value}", track)
@@ -77,11 +77,11 @@ def constant_stamps(evidence: Evidence) -> Iterator[Sighting]:
     fix="Send the stamp in us.",
 )
 def stamp_unit(evidence: Evidence) -> Iterator[Sighting]:
-    for track in evidence.tracks:
+    for track in evidence.stream.tracks:
         for unit, factor, name, cure in _UNITS:
             if _counts(track, factor):
                 advance = int(track.stamp_us[-1] - track.stamp_us[0])
-                if Aspect.ARRIVAL in evidence.lacks:
+                if Aspect.ARRIVAL in evidence.stream.lacks:
                     yield _wrong_unit_of_file(track, advance, factor)
                     continue
                 text = f"{track.sender}: in {track.span_s:.1f} s the stamps advance by {advance}: they count {name}"
@@ -197,7 +197,7 @@ def clock_drift(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def two_clocks(evidence: Evidence) -> Iterator[Sighting]:
-    tracks = [track for track in evidence.tracks if len(track) >= FEWEST and sender_clock(track) is None]
+    tracks = [track for track in evidence.stream.tracks if len(track) >= FEWEST and sender_clock(track) is None]
     offsets = [int(np.median(track.arrival_us - track.stamp_us)) - track.first_stamp for track in tracks]
     for index in range(1, len(tracks)):
         one, other = tracks[0], tracks[index]
@@ -224,14 +224,14 @@ def two_clocks(evidence: Evidence) -> Iterator[Sighting]:
 )
 def clock_rate(evidence: Evidence) -> Iterator[Sighting]:
     told = set()
-    for track in evidence.tracks:
+    for track in evidence.stream.tracks:
         clock, whose = sender_clock(track), (track.sender.system_id, track.sender.component_id)
         if clock is None or is_constant(track) or any(_counts(track, factor) for _, factor, _, _ in _UNITS):
             continue
         if (whose, clock.departure) in told:
             continue
         told.add((whose, clock.departure))
-        cause, fix = _cause(clock, is_simulated=evidence.is_simulated)
+        cause, fix = _cause(clock, is_simulated=evidence.vehicle.is_simulated)
         advance_s = float(track.stamp_us[-1]) * 1e-6
         is_gross = clock.worst >= _GROSS or clock.departure is Departure.ALTERNATING
         yield Sighting.in_track(

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.inputs.sources import SETS, SourceXY
+from ekf_stub.inputs.sources import SourceXY
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.ground_set_up import (
     AIR_M,
@@ -24,6 +24,7 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.flow_fit import FlowFit
 from viso.doctor.evidence.ground_sensors import FLOW, RANGE
 from viso.doctor.evidence.own_filter import Witness
+from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 from viso.estimators.series import stretches_of
 
 _MAVLINK: Final = 5
@@ -58,7 +59,7 @@ _AIDING: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 
 def _asking(evidence: Evidence) -> list[int]:
     """Return the source sets that take their velocity from flow."""
-    return [number for number in range(1, SETS + 1) if evidence.source("VELXY", number) == SourceXY.OPTFLOW]
+    return [number for number in SOURCE_SETS if evidence.source("VELXY", number) == SourceXY.OPTFLOW]
 
 
 @check(
@@ -82,12 +83,12 @@ def flow_missing(evidence: Evidence) -> Iterator[Sighting]:
         return
     names = listed([f"EK3_SRC{number}_VELXY" for number in sets])
     severity = None if sets[0] == 1 else Severity.WARNING
-    kind, use = told(evidence, "FLOW_TYPE"), evidence.told.get("EK3_FLOW_USE")
+    kind, use = told(evidence, "FLOW_TYPE"), evidence.set_up.known.get("EK3_FLOW_USE")
     if kind == 0:
         yield Sighting(f"{names} 5 (OptFlow), and FLOW_TYPE is 0", severity=severity)
     elif use is not None and use != _TO_NAVIGATE:
         yield Sighting(f"{names} 5 (OptFlow), and EK3_FLOW_USE is {use:g}: it is not to navigate by", severity=severity)
-    elif not evidence.ground.flows and (found := unheard(evidence, FLOW, severity)) is not None:
+    elif not evidence.vehicle.ground.flows and (found := unheard(evidence, FLOW, severity)) is not None:
         of = "" if kind is None else f" (FLOW_TYPE {kind:g})"
         yield Sighting(f"{names} 5 (OptFlow), and no flow was heard{of}{found[0]}", severity=found[1])
 
@@ -106,11 +107,16 @@ def flow_missing(evidence: Evidence) -> Iterator[Sighting]:
 )
 def flow_unused(evidence: Evidence) -> Iterator[Sighting]:
     kind, use = told(evidence, "FLOW_TYPE"), told(evidence, "EK3_FLOW_USE")
-    for flow in evidence.ground.flows:
+    for flow in evidence.vehicle.ground.flows:
         everything = np.ones(len(flow), np.bool_)
         if flow.units is not None and kind is not None and kind != _MAVLINK:
             yield seen(f"{len(flow)} messages, and FLOW_TYPE is {kind:g}", flow, everything)
-        elif not _asking(evidence) and use is not None and use != _TERRAIN_ONLY and "EK3_SRC1_VELXY" in evidence.told:
+        elif (
+            not _asking(evidence)
+            and use is not None
+            and use != _TERRAIN_ONLY
+            and "EK3_SRC1_VELXY" in evidence.set_up.known
+        ):
             text = f"no EK3_SRCn_VELXY is 5 (OptFlow), and EK3_FLOW_USE is {use:g}"
             yield seen(text, flow, everything, Severity.NOTE)
 
@@ -128,7 +134,7 @@ def flow_unused(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def flow_quality(evidence: Evidence) -> Iterator[Sighting]:
-    for flow in evidence.ground.flows:
+    for flow in evidence.vehicle.ground.flows:
         flying = is_in_flight(evidence, flow.time_us)
         bad = flying & (flow.quality == 0)
         if bad.sum() > _SOME * flying.sum() and bad.sum() >= _FEWEST:
@@ -151,7 +157,7 @@ def flow_quality(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def flow_gaps(evidence: Evidence) -> Iterator[Sighting]:
-    for flow in evidence.ground.flows:
+    for flow in evidence.vehicle.ground.flows:
         if len(flow) < 2:
             continue
         period_us = np.diff(flow.time_us)
@@ -192,7 +198,7 @@ def _witness(fit: FlowFit) -> str:
 
 def _is_ranged(evidence: Evidence) -> bool:
     """Return whether a range is known; else the height above the start stands for it, as if the ground were level."""
-    return any(one.looks_down and one.is_good.any() for one in evidence.ground.ranges)
+    return any(one.looks_down and one.is_good.any() for one in evidence.vehicle.ground.ranges)
 
 
 def _scaler(evidence: Evidence, fit: FlowFit) -> str:
@@ -329,7 +335,7 @@ def flow_gyro(evidence: Evidence) -> Iterator[Sighting]:
     ),
 )
 def flow_period(evidence: Evidence) -> Iterator[Sighting]:
-    for flow in evidence.ground.flows:
+    for flow in evidence.vehicle.ground.flows:
         if flow.units is None or flow.sent_rate is None or len(flow) < _FEWEST:
             continue
         everything = np.ones(len(flow), np.bool_)
@@ -360,8 +366,8 @@ def flow_period(evidence: Evidence) -> Iterator[Sighting]:
 )
 def flow_too_fast(evidence: Evidence) -> Iterator[Sighting]:
     names = ("EK3_MAX_FLOW", "EK3_FLOW_MAX")
-    limit = next((value for name in names if (value := evidence.told.get(name))), _MAX_FLOW)
-    for flow in evidence.ground.flows:
+    limit = next((value for name in names if (value := evidence.set_up.known.get(name))), _MAX_FLOW)
+    for flow in evidence.vehicle.ground.flows:
         size = np.nan_to_num(np.abs(flow.rate)).max(axis=1)
         fast = (size > min(limit, _SENSOR_LIMIT)) & (flow.quality > 0)
         if fast.sum() > _SOME * len(flow) and fast.sum() >= _FEWEST:
@@ -379,8 +385,8 @@ def flow_too_fast(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def flow_frozen(evidence: Evidence) -> Iterator[Sighting]:
-    turning = evidence.ground.turning
-    for flow in evidence.ground.flows:
+    turning = evidence.vehicle.ground.turning
+    for flow in evidence.vehicle.ground.flows:
         # What a companion sends is multiplied by a period that varies.
         said = flow.rate if flow.units is None else flow.units
         same = np.append(False, (np.diff(said, axis=0) == 0).all(axis=1))
@@ -416,7 +422,7 @@ def flow_frozen(evidence: Evidence) -> Iterator[Sighting]:
 def flow_without_range(evidence: Evidence) -> Iterator[Sighting]:
     if 1 not in _asking(evidence) or told(evidence, "EK3_FLOW_USE") == 0:
         return
-    down = [one for one in evidence.ground.ranges if one.looks_down]
+    down = [one for one in evidence.vehicle.ground.ranges if one.looks_down]
     if any(one.is_good.any() for one in down):
         return
     alone = None if not evidence.source("POSXY") else Severity.WARNING
@@ -441,8 +447,8 @@ def flow_without_range(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def flow_rejected(evidence: Evidence) -> Iterator[Sighting]:
-    check = evidence.ground.check
-    if not evidence.ground.flows or not _asking(evidence) or not len(check):
+    check = evidence.vehicle.ground.check
+    if not evidence.vehicle.ground.flows or not _asking(evidence) or not len(check):
         return
     flying = is_in_flight(evidence, check[:, 0].astype(np.int64)) & (check[:, 2] > AIR_M)
     over = flying & (check[:, 1] > 1)
@@ -483,8 +489,8 @@ def flow_not_judged(evidence: Evidence) -> Iterator[Sighting]:
             yield Sighting(f"{fit.flow.origin}: delay: the vehicle turned too smoothly to tell")
         if fit.is_whole and not _is_ranged(evidence):
             yield Sighting(f"{fit.flow.origin}: scale: no range was good, so only one that is far off is told")
-    if _asking(evidence) and not evidence.ground.flows:
+    if _asking(evidence) and not evidence.vehicle.ground.flows:
         if not is_recorded(evidence, FLOW_BIT):
             yield Sighting("EK3_SRCn_VELXY is 5 (OptFlow), and LOG_BITMASK does not say that flow is logged (OF)")
-        elif evidence.ground.health.get(FLOW):
+        elif evidence.vehicle.ground.health.get(FLOW):
             yield Sighting("SYS_STATUS calls the flow sensor healthy, and its flow is not in the recording")

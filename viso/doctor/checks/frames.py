@@ -88,11 +88,11 @@ def _name(frame: int) -> str:
     needs={Aspect.LINK},
 )
 def odometry_frames(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.vision if one.verdict is ODOMETRY_FRAMES]
+    found = [one for one in evidence.stream.vision if one.verdict is ODOMETRY_FRAMES]
     pairs = Counter(
         (one.message.frame_id, one.message.child_frame_id) for one in found if isinstance(one.message, ODOMETRY)
     )
-    total = sum(one.name == "ODOMETRY" for one in evidence.vision)
+    total = sum(one.name == "ODOMETRY" for one in evidence.stream.vision)
     for (frame_id, child_id), count in pairs.most_common():
         of_pair = [
             one
@@ -187,7 +187,7 @@ def _mix_up(motion: Motion) -> _Mixed | None:
 
 
 def _mixed_as(code: str, evidence: Evidence) -> Iterator[Sighting]:
-    for motion in evidence.motions:
+    for motion in evidence.stream.motions:
         mixed = _mix_up(motion)
         if mixed is not None and mixed.code == code and not wanders(evidence, motion.velocity_sender):
             text = f"{motion.velocity_sender} against {motion.pose_sender.name}: {mixed.text}"

@@ -25,29 +25,29 @@ def told(evidence: Evidence, name: str) -> float | None:
 
     One of the filter's has its default where it is not told, any other of a whole list is 0: the vehicle lacks it.
     """
-    value = evidence.told.get(name)
+    value = evidence.set_up.known.get(name)
     if value is None and name.startswith("EK3_"):
-        value = evidence.params.get(name)
-    return 0.0 if value is None and evidence.tells_all else value
+        value = evidence.trial.params.get(name)
+    return 0.0 if value is None and evidence.set_up.is_complete else value
 
 
 def range_finders(evidence: Evidence) -> list[RangeFinder] | None:
     """Return the range finders that are set up; None if nobody tells."""
-    if not any(name.startswith("RNGFND") for name in evidence.told) and not evidence.tells_all:
+    if not any(name.startswith("RNGFND") for name in evidence.set_up.known) and not evidence.set_up.is_complete:
         return None
-    return finders_in(evidence.told)
+    return finders_in(evidence.set_up.known)
 
 
 def is_recorded(evidence: Evidence, bit: int) -> bool:
     """Return whether the recording would hold what a sensor says: a log by LOG_BITMASK, a stream if it is one."""
     if evidence.vehicle_witness is not Witness.LOG:
-        return bool(evidence.messages) or evidence.vehicle_witness is Witness.TELEMETRY
-    return bool(int(evidence.told.get("LOG_BITMASK", 0.0)) >> bit & 1)
+        return bool(evidence.stream.messages) or evidence.vehicle_witness is Witness.TELEMETRY
+    return bool(int(evidence.set_up.known.get("LOG_BITMASK", 0.0)) >> bit & 1)
 
 
 def unheard(evidence: Evidence, sensor: str, severity: Severity | None) -> tuple[str, Severity | None] | None:
     """Return what SYS_STATUS says of FLOW or RANGE, of which nothing is heard, and how bad that is; None if no sign."""
-    is_healthy = evidence.ground.health.get(sensor)
+    is_healthy = evidence.vehicle.ground.health.get(sensor)
     if not is_recorded(evidence, FLOW_BIT if sensor == FLOW else CTUN_BIT) or is_healthy:
         return None
     if is_healthy is not None:
@@ -76,11 +76,11 @@ def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:
 
     Where the vehicle tells no height, the stream's first poses do.
     """
-    series = evidence.level or evidence.height
+    series = evidence.vehicle.level or evidence.vehicle.height
     if series is not None:
         known_us, down_m = series.time_us, series.down_m
-    elif evidence.poses:
-        known_us, down_m = evidence.poses[0].track.arrival_us, evidence.poses[0].pos_m[:, 2]
+    elif evidence.stream.poses:
+        known_us, down_m = evidence.stream.poses[0].track.arrival_us, evidence.stream.poses[0].pos_m[:, 2]
     else:
         return np.full(len(time_us), np.nan)
     if not len(known_us):
@@ -92,7 +92,7 @@ def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:
 
 def is_in_flight(evidence: Evidence, time_us: Ints) -> Bools:
     """Return at which times the vehicle was armed, and not on the ground, as far as anybody knows."""
-    own = evidence.own_filter
+    own = evidence.vehicle.own_filter
     armed = np.ones(len(time_us), np.bool_)
     if own is not None and own.armed:
         armed = np.zeros(len(time_us), np.bool_)

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from ekf_stub.inputs.sources import EXTNAV
 from viso.doctor.checks.beside_vehicle import (
     RELATED,
     UNLIKE,
@@ -27,18 +28,17 @@ from viso.doctor.checks.beside_vehicle import (
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, share
 from viso.doctor.evidence.compare import ALIGNING_TYPES
-from viso.doctor.evidence.evidence import EXTNAV, Evidence
+from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.motion import FEWEST_WINDOWS, LEAST_SPEED, Motion, motions_of, typical_speed
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.tracks import Bools, Floats, Ints
-from viso.doctor.evidence.vehicle_position import LevelSeries
+from viso.doctor.evidence.vehicle_position import SOURCE_SETS, LevelSeries
 from viso.estimators.likeness import Rest, departure, rests
 from viso.estimators.positions import interpolated
 
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
 _HEIGHT: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion"
 _YAW: Final = "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw"
-_SETS: Final = (1, 2, 3)
 _GROSS_DEG: Final = 10.0
 _GROSS_AT_WORST_DEG: Final = 30.0
 _SECOND_US: Final = 1_000_000
@@ -60,7 +60,7 @@ _FASTEST_M_S: Final = 1e5
 
 def _takes(evidence: Evidence, *names: str) -> Severity | None:
     """Return that the filter takes a kind of data in some set of sources at the rule's worst, else at a warning's."""
-    taken = any(evidence.source(name, number) == EXTNAV for name in names for number in _SETS)
+    taken = any(evidence.source(name, number) == EXTNAV for name in names for number in SOURCE_SETS)
     return None if taken else Severity.WARNING
 
 
@@ -102,7 +102,7 @@ def yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
 
 def _unlike(evidence: Evidence, way: Way, what: str, severity: Severity | None) -> Iterator[Sighting]:
     """Yield that a way is none of the vehicle's."""
-    found, position = likeness_of(evidence, way), evidence.position
+    found, position = likeness_of(evidence, way), evidence.vehicle.position
     if found is None or position is None:
         return
     is_related = found.correlation >= RELATED
@@ -139,7 +139,7 @@ def positions_unrelated(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _at_rest(evidence: Evidence, way: Way) -> list[Rest]:
-    position = evidence.position
+    position = evidence.vehicle.position
     if position is None or not is_of_one_time(evidence):
         return []
     return rests(way.arrival_us, way.pos_m, *reference_of(position), noise_m=position.noise_m, breaks_us=way.breaks_us)
@@ -158,7 +158,7 @@ def _at_rest(evidence: Evidence, way: Way) -> list[Rest]:
     witness=Witness.LOG,
 )
 def moves_while_standing(evidence: Evidence) -> Iterator[Sighting]:
-    noise_m = 0.0 if evidence.position is None else evidence.position.noise_m
+    noise_m = 0.0 if evidence.vehicle.position is None else evidence.vehicle.position.noise_m
     for _, way in ways_of_poses(evidence):
         moved = [
             one
@@ -171,7 +171,7 @@ def moves_while_standing(evidence: Evidence) -> Iterator[Sighting]:
 def _standing(
     evidence: Evidence, way: Way, moved: list[Rest], what: str, severity: Severity | None
 ) -> Iterator[Sighting]:
-    if not moved or evidence.position is None:
+    if not moved or evidence.vehicle.position is None:
         return
     worst = max(moved, key=lambda one: one.stream_m)
     arrival_us = way.arrival_us
@@ -179,7 +179,7 @@ def _standing(
     for one in moved:
         shown |= (arrival_us >= one.start_us) & (arrival_us <= one.end_us)
     yield Sighting.in_track(
-        f"{way.track.sender}: the vehicle stands by its own path ({evidence.position.origin}), within "
+        f"{way.track.sender}: the vehicle stands by its own path ({evidence.vehicle.position.origin}), within "
         f"{worst.reference_m:.2f} m from {at(worst.start_us)} to {at(worst.end_us)}, and {what} "
         f"{worst.stream_m:.2f} m",
         way.track,
@@ -201,7 +201,7 @@ def _standing(
     witness=Witness.LOG,
 )
 def height_leaves(evidence: Evidence) -> Iterator[Sighting]:
-    level = evidence.level
+    level = evidence.vehicle.level
     if level is None or not is_of_one_time(evidence):
         return
     for _, way in ways_of_poses(evidence):
@@ -296,7 +296,7 @@ def velocities_unrelated(evidence: Evidence) -> Iterator[Sighting]:
     ),
 )
 def two_motions(evidence: Evidence) -> Iterator[Sighting]:
-    for motion in motions_of(evidence.poses, evidence.velocities, _SLOW_WINDOW_S):
+    for motion in motions_of(evidence.stream.poses, evidence.stream.velocities, _SLOW_WINDOW_S):
         if len(motion.numbers) < FEWEST_WINDOWS or typical_speed(motion.path) < LEAST_SPEED or not np.any(motion.told):
             continue
         unlike = min(

@@ -42,7 +42,7 @@ _BRAKES_AT_MOST: Final = 20.0  # m/s^2
     fix="Do not send unknown poses; or send ODOMETRY with quality -1 and the last good pose.",
 )
 def nan_position(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         yield from masked("have NaN in the position", poses.track, np.isnan(poses.pos_m).any(axis=1))
 
 
@@ -57,7 +57,7 @@ def nan_position(evidence: Evidence) -> Iterator[Sighting]:
     fix="Send the attitude that belongs to the position.",
 )
 def nan_attitude(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         yield from masked("have NaN in the attitude", poses.track, np.isnan(poses.quat_wxyz).any(axis=1))
 
 
@@ -70,7 +70,7 @@ def nan_attitude(evidence: Evidence) -> Iterator[Sighting]:
     fix="If no velocity is known, send VISION_POSITION_ESTIMATE, and set EK3_SRC1_VELXY and VELZ to 0.",
 )
 def nan_velocity(evidence: Evidence) -> Iterator[Sighting]:
-    for velocities in evidence.velocities:
+    for velocities in evidence.stream.velocities:
         yield from masked("have NaN in the velocity", velocities.track, np.isnan(velocities.told).any(axis=1))
 
 
@@ -83,12 +83,12 @@ def nan_velocity(evidence: Evidence) -> Iterator[Sighting]:
     fix="Look for a division by zero in the sender.",
 )
 def infinite_numbers(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         mask = np.isinf(np.column_stack((poses.pos_m, poses.quat_wxyz))).any(axis=1)
         if poses.euler_rad is not None:
             mask |= np.isinf(poses.euler_rad).any(axis=1)
         yield from masked("have infinity in the pose", poses.track, mask)
-    for velocities in evidence.velocities:
+    for velocities in evidence.stream.velocities:
         yield from masked("have infinity in the velocity", velocities.track, np.isinf(velocities.told).any(axis=1))
 
 
@@ -104,7 +104,7 @@ def infinite_numbers(evidence: Evidence) -> Iterator[Sighting]:
     fix="Normalise q; its order is w, x, y, z, while ROS has x, y, z, w.",
 )
 def quaternion_norm(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         if poses.euler_rad is None:
             norm = np.linalg.norm(poses.quat_wxyz, axis=1)
             mask = np.isfinite(norm) & (np.abs(norm - 1) > _NORM_TOLERANCE)
@@ -122,7 +122,7 @@ def quaternion_norm(evidence: Evidence) -> Iterator[Sighting]:
     fix="Convert to rad.",
 )
 def angles_in_degrees(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         if poses.euler_rad is not None:
             largest = np.abs(poses.euler_rad)
             mask = ((largest > _MOST_RADIANS) & (largest < 1e6)).any(axis=1)
@@ -132,13 +132,13 @@ def angles_in_degrees(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _is_read(evidence: Evidence, poses: Poses) -> bool:
-    ignored = evidence.firmware.endpoint.mocap_errors is no_errors
+    ignored = evidence.set_up.firmware.endpoint.mocap_errors is no_errors
     return not (ignored and poses.track.sender.name == ATT_POS_MOCAP.__name__)
 
 
 def _errors(evidence: Evidence, poses: Poses) -> tuple[Floats, Floats]:
     """Return posErr (m) and angErr (rad) as the endpoint makes them, before they are limited."""
-    formula = evidence.firmware.endpoint.error_formula
+    formula = evidence.set_up.firmware.endpoint.error_formula
     errors = [pose_errors(row, formula) for row in poses.covariance.tolist()]
     pos, ang = np.array(errors, np.float64).reshape(-1, 2).T
     return pos, ang
@@ -160,7 +160,7 @@ def _is_given(evidence: Evidence, poses: Poses) -> Bools:
     fix="Set VISO_POS_M_NSE and VISO_YAW_M_NSE to the accuracy of the source.",
 )
 def no_covariance(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         why = "a covariance of zeros or NaN" if _is_read(evidence, poses) else "a covariance that is ignored"
         floors = evidence.param("VISO_POS_M_NSE"), evidence.param("VISO_YAW_M_NSE")
         text = f"have {why}: the EKF gets {floors[0]:.2g} m and {floors[1]:.2g} rad"
@@ -180,7 +180,7 @@ def no_covariance(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.COVARIANCE},
 )
 def covariance_below_floor(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         given, (pos_err, ang_err) = _is_given(evidence, poses), _errors(evidence, poses)
         for name, diagonal, told, unit in (
             ("VISO_POS_M_NSE", _DIAGONAL_POSITION, pos_err, "m"),
@@ -213,7 +213,7 @@ def covariance_below_floor(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.COVARIANCE},
 )
 def nan_covariance(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         if not _is_read(evidence, poses):
             continue
         used = poses.covariance[:, (*_DIAGONAL_POSITION, *_DIAGONAL_ANGLE)]
@@ -231,7 +231,7 @@ def nan_covariance(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.COVARIANCE},
 )
 def huge_covariance(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         given, (pos_err, ang_err) = _is_given(evidence, poses), _errors(evidence, poses)
         for told, most, limit, unit in (
             (pos_err, _HUGE_POSITION_M, _MOST_POSITION_M, "m"),
@@ -252,7 +252,7 @@ def huge_covariance(evidence: Evidence) -> Iterator[Sighting]:
     fix="Do not repeat the last pose when tracking is lost: send quality -1, or nothing.",
 )
 def frozen_pose(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         track = poses.track
         if len(track) < FEWEST:
             continue

@@ -11,14 +11,15 @@ import numpy as np
 
 from ap_core.verdict import Outcome
 from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
+from ekf_stub.inputs.sources import EXTNAV
 from ekf_stub.reports.aiding_mode import AidingMode
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often, share
 from viso.doctor.checks.resets import jumps_in
-from viso.doctor.evidence.evidence import EXTNAV, Evidence
+from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY, YAW, OwnFilter, Witness
 from viso.doctor.evidence.sender_clock import time_base_us
-from viso.doctor.evidence.tracks import Floats, SeenMessage
+from viso.doctor.evidence.tracks import Floats, HandledMessage
 from viso.vehicle.outcomes.labels import Fate, fate_of
 from viso.vehicle.outcomes.watch import UNITS, AidingSpan
 
@@ -44,13 +45,13 @@ _CONCERNS: Final = ("VisOdom", "EKF", "AHRS", "Position", "aiding", "Internal")
 
 
 def _first_aiding(evidence: Evidence) -> AidingSpan | None:
-    return next((span for span in evidence.aiding if span.mode is not AidingMode.NONE), None)
+    return next((span for span in evidence.trial.aiding if span.mode is not AidingMode.NONE), None)
 
 
 def _own_filter(evidence: Evidence) -> OwnFilter | None:
     """Return what the vehicle's own filter said, if it was tried with the parameters that it flew with."""
-    own = evidence.own_filter
-    return own if own is not None and evidence.is_as_flown and own.flags.any() else None
+    own = evidence.vehicle.own_filter
+    return own if own is not None and evidence.set_up.is_as_flown and own.flags.any() else None
 
 
 def _is_denied(evidence: Evidence) -> bool:
@@ -88,8 +89,8 @@ def _passed(evidence: Evidence, kind: str) -> str:
     return f"; but the vehicle's own filter ({own.witness.value}) passed all: {ratio}"
 
 
-def _accepted(evidence: Evidence) -> list[SeenMessage]:
-    return [one for one in evidence.vision if one.verdict.outcome is Outcome.ACCEPTED]
+def _accepted(evidence: Evidence) -> list[HandledMessage]:
+    return [one for one in evidence.stream.vision if one.verdict.outcome is Outcome.ACCEPTED]
 
 
 @check(
@@ -126,12 +127,12 @@ def would_never_aid(evidence: Evidence) -> Iterator[Sighting]:
         if own is not None and own.uses_extnav.any():
             since_us = own.time_us[own.uses_extnav][0]
             but = f"; but the vehicle's own filter ({own.witness.value}) did, from {at(since_us)} on"
-        is_weak = evidence.end_us < _READY_US or bool(but)
+        is_weak = evidence.stream.end_us < _READY_US or bool(but)
         yield Sighting(
-            f"{len(accepted)} messages are accepted, and to the end, {at(evidence.end_us)}, the filter does not use "
-            f"them to navigate{but}",
+            f"{len(accepted)} messages are accepted, and to the end, {at(evidence.stream.end_us)}, the filter does not "
+            f"use them to navigate{but}",
             start_us=accepted[0].arrival_us,
-            end_us=evidence.end_us,
+            end_us=evidence.stream.end_us,
             severity=Severity.NOTE if is_weak else None,
         )
 
@@ -148,7 +149,7 @@ def would_never_aid(evidence: Evidence) -> Iterator[Sighting]:
 def would_stop_aiding(evidence: Evidence) -> Iterator[Sighting]:
     stops = [
         after.start_us
-        for before, after in zip(evidence.aiding, evidence.aiding[1:], strict=False)
+        for before, after in zip(evidence.trial.aiding, evidence.trial.aiding[1:], strict=False)
         if before.mode is not AidingMode.NONE and after.mode is AidingMode.NONE
     ]
     if stops:
@@ -157,11 +158,11 @@ def would_stop_aiding(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(text, start_us=stops[0], end_us=stops[-1], severity=Severity.NOTE if but else None)
 
 
-def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[SeenMessage]]]:
+def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[HandledMessage]]]:
     """Yield each kind of samples of which some were rejected: how many were tested, and the messages of those."""
     tested: Counter[str] = Counter()
-    rejected: dict[str, list[SeenMessage]] = {}
-    for one in evidence.vision:
+    rejected: dict[str, list[HandledMessage]] = {}
+    for one in evidence.stream.vision:
         for sample in one.samples:
             for fate in sample.fates:
                 kind, what = fate.outcome.kind, fate_of(fate.outcome.rule)
@@ -196,11 +197,11 @@ def would_reject(evidence: Evidence) -> Iterator[Sighting]:
             why = ", after a time without samples, over which nobody can tell how the vehicle moved"
         elif _accelerates(evidence, counted):
             why = ", where the path accelerates harder than the model's vehicle can follow"
-        elif evidence.model_jumps > jumps_in(evidence):
+        elif evidence.trial.model_jumps > jumps_in(evidence):
             why = ", and the model's vehicle took motion for jumps: it lost the stream, which a real one does not"
         but = _passed(evidence, kind)
         # By how much is told where the model's vehicle keeps to the stream: elsewhere it shows where the model went.
-        worst = evidence.innovations[kind].worst if kind in evidence.innovations else 0.0
+        worst = evidence.trial.innovations[kind].worst if kind in evidence.trial.innovations else 0.0
         how_much = "" if why else f"; the worst is {worst:.2f} {UNITS.get(kind, '')} off"
         yield Sighting.in_messages(
             f"{share(len(counted), tested)} {kind} samples would be rejected, from "
@@ -210,11 +211,11 @@ def would_reject(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
-def _is_much(messages: list[SeenMessage], tested: int) -> bool:
+def _is_much(messages: list[HandledMessage], tested: int) -> bool:
     return len(messages) >= _FEWEST_REJECTED and len(messages) > _REJECTED_SHARE * tested
 
 
-def _after_silence(evidence: Evidence, messages: list[SeenMessage]) -> set[int]:
+def _after_silence(evidence: Evidence, messages: list[HandledMessage]) -> set[int]:
     """Return the numbers of messages whose rejection began behind a gap of accepted ones.
 
     The model's vehicle follows what is accepted; over a gap it is guessed, where a real one has its own inertial data.
@@ -233,10 +234,10 @@ def _after_silence(evidence: Evidence, messages: list[SeenMessage]) -> set[int]:
     return found
 
 
-def _accelerates(evidence: Evidence, messages: list[SeenMessage]) -> bool:
+def _accelerates(evidence: Evidence, messages: list[HandledMessage]) -> bool:
     """Return whether a path without jumps is too hard for the imagined vehicle before the first of some messages."""
     start_us, end_us = messages[0].arrival_us - _BEFORE_US, messages[0].arrival_us + _GATE_US
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         time_s: Floats = np.asarray(time_base_us(poses.track) * 1e-6, dtype=np.float64)
         every = max(1, int(np.searchsorted(time_s, time_s[0] + _ACCELERATION_OVER_S)))
         if len(time_s) <= 2 * every:
@@ -270,8 +271,8 @@ def _accelerations(time_s: Floats, pos_m: Floats, every: int) -> Floats:
 )
 def would_lose_samples(evidence: Evidence) -> Iterator[Sighting]:
     offered: Counter[str] = Counter()
-    lost: dict[str, list[SeenMessage]] = {}
-    for one in evidence.vision:
+    lost: dict[str, list[HandledMessage]] = {}
+    for one in evidence.stream.vision:
         for sample in one.samples:
             offered[sample.kind] += 1
             if any(fate.outcome.rule in (OVERWRITTEN, SUPERSEDED) for fate in sample.fates):
@@ -296,10 +297,10 @@ def would_lose_samples(evidence: Evidence) -> Iterator[Sighting]:
 def autopilot_texts(evidence: Evidence) -> Iterator[Sighting]:
     told = [
         (time_us, text)
-        for time_us, severity, text in evidence.vehicle_texts
+        for time_us, severity, text in evidence.vehicle.texts
         if severity <= _WARNING and any(word in text for word in _CONCERNS)
     ]
-    own = evidence.own_filter
+    own = evidence.vehicle.own_filter
     if own is not None and own.witness is Witness.LOG:  # which keeps no severities; other rules look at the rest
         told += [
             (time_us, text)

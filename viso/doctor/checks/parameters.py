@@ -10,17 +10,17 @@ import numpy as np
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 from ekf_stub.ahrs.source_check import ALLOWED
 from ekf_stub.inputs.ingest_rules import NO_BUFFER
-from ekf_stub.inputs.sources import SourceXY
+from ekf_stub.inputs.sources import EXTNAV, ROWS, SourceXY
 from ekf_stub.reports.aiding_mode import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, listed, share
-from viso.doctor.evidence.evidence import EXTNAV, SOURCE_NAMES, Evidence
+from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import FEWEST
+from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 
 _SOURCES: Final = "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::pre_arm_check"
-_SETS: Final = (1, 2, 3)
 _REBOOT: Final = ("VISO_TYPE", "EK3_ENABLE", "AHRS_EKF_TYPE", "EK3_IMU_MASK")
 _COMPASS: Final = 1
 _COMPASS_FALLBACK: Final = 3
@@ -42,18 +42,18 @@ _WHOLE_LIST: Final = 300
     witness=Witness.LOG,
 )
 def visual_odometry_off(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.vision if one.verdict is DISABLED]
-    is_0, fix = "VISO_TYPE is 0", None
-    if evidence.tells_all and len(evidence.told) > _WHOLE_LIST and "VISO_TYPE" not in evidence.told:
-        is_0 = f"VISO_TYPE is not among the {len(evidence.told)} parameters: this build has no visual odometry"
+    found = [one for one in evidence.stream.vision if one.verdict is DISABLED]
+    is_0, fix, known = "VISO_TYPE is 0", None, evidence.set_up.known
+    if evidence.set_up.is_complete and len(known) > _WHOLE_LIST and "VISO_TYPE" not in known:
+        is_0 = f"VISO_TYPE is not among the {len(known)} parameters: this build has no visual odometry"
         fix = "Flash a build of the firmware that has it; the smallest boards have none unless it is built for them."
     if found:
         yield Sighting.in_messages(
-            f"{is_0}; {share(len(found), len(evidence.vision))} messages were dropped", found, fix
+            f"{is_0}; {share(len(found), len(evidence.stream.vision))} messages were dropped", found, fix
         )
-    elif not evidence.vision and evidence.is_off and evidence.asks:
-        in_use = any(name.startswith("EK3_SRC1") for name in evidence.asks)
-        text = f"{is_0}, while {listed(evidence.asks, len(SOURCE_NAMES))} ask for external navigation"
+    elif not evidence.stream.vision and evidence.is_off and evidence.requests:
+        in_use = any(name.startswith("EK3_SRC1") for name in evidence.requests)
+        text = f"{is_0}, while {listed(evidence.requests, len(ROWS))} ask for external navigation"
         yield Sighting(text, fix=fix, severity=None if in_use else Severity.WARNING)
 
 
@@ -69,17 +69,17 @@ def visual_odometry_off(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def no_backend(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.vision if one.verdict is NO_BACKEND]
+    found = [one for one in evidence.stream.vision if one.verdict is NO_BACKEND]
     if found:
         at_boot = evidence.viso_type
         why = "was set after boot" if at_boot == 0 else f"is {at_boot}, which names no backend"
         yield Sighting.in_messages(
-            f"VISO_TYPE {why}; {share(len(found), len(evidence.vision))} messages were dropped", found
+            f"VISO_TYPE {why}; {share(len(found), len(evidence.stream.vision))} messages were dropped", found
         )
 
 
 def _deltas(evidence: Evidence) -> bool:
-    return any(isinstance(one.message, VISION_POSITION_DELTA) for one in evidence.vision)
+    return any(isinstance(one.message, VISION_POSITION_DELTA) for one in evidence.stream.vision)
 
 
 @check(
@@ -98,16 +98,16 @@ def _deltas(evidence: Evidence) -> bool:
     witness=Witness.LOG,
 )
 def source_without_message(evidence: Evidence) -> Iterator[Sighting]:
-    if not evidence.vision:
+    if not evidence.stream.vision:
         return
-    has_velocity = bool(evidence.velocities) or _deltas(evidence)
+    has_velocity = bool(evidence.stream.velocities) or _deltas(evidence)
     poses = [name for name in ("POSXY", "POSZ", "YAW") if evidence.source(name) == EXTNAV]
     velocities = [name for name in ("VELXY", "VELZ") if evidence.source(name) == EXTNAV]
-    if poses and not evidence.poses:
+    if poses and not evidence.stream.poses:
         yield Sighting(f"{_parameters(poses)} {_is(poses)} 6 (ExtNav), and the stream carries no poses")
     if velocities and not has_velocity:
-        has_position = "POSXY" in poses and bool(evidence.poses)
-        aids = any(span.mode is not AidingMode.NONE for span in evidence.aiding)
+        has_position = "POSXY" in poses and bool(evidence.stream.poses)
+        aids = any(span.mode is not AidingMode.NONE for span in evidence.trial.aiding)
         without = ": it navigates by poses alone" if has_position and aids else ""
         yield Sighting(
             f"{_parameters(velocities)} {_is(velocities)} 6 (ExtNav), and the stream carries no velocities{without}",
@@ -135,16 +135,17 @@ def _is(names: list[str]) -> str:
     witness=Witness.LOG,
 )
 def no_source(evidence: Evidence) -> Iterator[Sighting]:
-    if not evidence.vision or evidence.viso_type == 0:
+    if not evidence.stream.vision or evidence.viso_type == 0:
         return
-    if not any(evidence.source(name, number) == EXTNAV for name in SOURCE_NAMES for number in _SETS):
+    if not any(evidence.source(name, number) == EXTNAV for name in ROWS for number in SOURCE_SETS):
         refused = [
             one
-            for one in evidence.vision
+            for one in evidence.stream.vision
             if any(fate.outcome.rule is NO_BUFFER for sample in one.samples for fate in sample.fates)
         ]
         yield Sighting(
-            f"no EK3_SRCn parameter is 6 (ExtNav); {share(len(refused), len(evidence.vision))} messages were in vain",
+            f"no EK3_SRCn parameter is 6 (ExtNav); {share(len(refused), len(evidence.stream.vision))} messages were in "
+            "vain",
             [one.number for one in refused],
         )
 
@@ -161,9 +162,9 @@ def no_source(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def inactive_source_set(evidence: Evidence) -> Iterator[Sighting]:
-    in_first = any(evidence.source(name) == EXTNAV for name in SOURCE_NAMES)
-    later = [n for n in _SETS[1:] if any(evidence.source(name, n) == EXTNAV for name in SOURCE_NAMES)]
-    if evidence.vision and later and not in_first:
+    in_first = any(evidence.source(name) == EXTNAV for name in ROWS)
+    later = [n for n in SOURCE_SETS[1:] if any(evidence.source(name, n) == EXTNAV for name in ROWS)]
+    if evidence.stream.vision and later and not in_first:
         yield Sighting(f"only source set {later[0]} names external navigation; set 1 is in use after boot")
 
 
@@ -178,8 +179,10 @@ def inactive_source_set(evidence: Evidence) -> Iterator[Sighting]:
 )
 def velocities_not_used(evidence: Evidence) -> Iterator[Sighting]:
     has_source = EXTNAV in (evidence.source("VELXY"), evidence.source("VELZ"))
-    if evidence.velocities and evidence.source("POSXY") == EXTNAV and not has_source:
-        yield Sighting(f"{evidence.velocities[0].track.sender} carries velocities; EK3_SRC1_VELXY and VELZ are not 6")
+    if evidence.stream.velocities and evidence.source("POSXY") == EXTNAV and not has_source:
+        yield Sighting(
+            f"{evidence.stream.velocities[0].track.sender} carries velocities; EK3_SRC1_VELXY and VELZ are not 6"
+        )
 
 
 @check(
@@ -192,10 +195,10 @@ def velocities_not_used(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def illegal_source(evidence: Evidence) -> Iterator[Sighting]:
-    seen = evidence.ground.flows or evidence.ground.ranges
-    by_flow = any(evidence.source(name, number) == SourceXY.OPTFLOW for name in SOURCE_NAMES for number in _SETS)
-    for number in _SETS if evidence.is_concerned or seen or by_flow else ():
-        for name in SOURCE_NAMES:
+    seen = evidence.vehicle.ground.flows or evidence.vehicle.ground.ranges
+    by_flow = any(evidence.source(name, number) == SourceXY.OPTFLOW for name in ROWS for number in SOURCE_SETS)
+    for number in SOURCE_SETS if evidence.is_concerned or seen or by_flow else ():
+        for name in ROWS:
             value = evidence.source(name, number)
             if value not in ALLOWED[name]:
                 legal, of_flow = ", ".join(str(int(one)) for one in ALLOWED[name]), ("POSXY", SourceXY.OPTFLOW)
@@ -234,7 +237,7 @@ def no_yaw_source(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def vertical_velocity_alone(evidence: Evidence) -> Iterator[Sighting]:
-    if evidence.source("VELZ") == EXTNAV and evidence.source("VELXY") == 0 and evidence.velocities:
+    if evidence.source("VELZ") == EXTNAV and evidence.source("VELXY") == 0 and evidence.stream.velocities:
         yield Sighting("EK3_SRC1_VELZ is 6 and EK3_SRC1_VELXY is 0")
 
 
@@ -251,7 +254,7 @@ def vertical_velocity_alone(evidence: Evidence) -> Iterator[Sighting]:
 )
 def velocity_without_position(evidence: Evidence) -> Iterator[Sighting]:
     uses = EXTNAV in (evidence.source("VELXY"), evidence.source("VELZ"))
-    if evidence.velocities and uses and evidence.source("POSXY") == 0 and not _deltas(evidence):
+    if evidence.stream.velocities and uses and evidence.source("POSXY") == 0 and not _deltas(evidence):
         yield Sighting("EK3_SRC1_POSXY is 0, and velocity is all that is used")
 
 
@@ -267,7 +270,7 @@ def velocity_without_position(evidence: Evidence) -> Iterator[Sighting]:
 def flat_height(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.source("POSZ") != EXTNAV:
         return
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         if len(poses.track) < FEWEST or not np.isfinite(poses.pos_m).all():
             continue
         moved = float(np.ptp(poses.pos_m[:, :2], axis=0).max())
@@ -290,8 +293,8 @@ def flat_height(evidence: Evidence) -> Iterator[Sighting]:
 )
 def ekf3_off(evidence: Evidence) -> Iterator[Sighting]:
     kind, enabled = int(evidence.param("AHRS_EKF_TYPE")), int(evidence.param("EK3_ENABLE"))
-    if evidence.flown is not None and not evidence.flown.has_sources:
-        kind = int(evidence.told.get("AHRS_EKF_TYPE", _EKF2))
+    if evidence.set_up.flown is not None and not evidence.set_up.flown.has_sources:
+        kind = int(evidence.set_up.known.get("AHRS_EKF_TYPE", _EKF2))
         if evidence.is_concerned and kind != _EKF2:
             text = f"AHRS_EKF_TYPE is {kind}, and before 4.1 no other estimator than EKF2 takes external navigation"
             yield Sighting(text, fix="Set AHRS_EKF_TYPE 2 and EK2_ENABLE 1 and reboot, or go to 4.1 or later.")
@@ -310,9 +313,9 @@ def ekf3_off(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def reboot_needed(evidence: Evidence) -> Iterator[Sighting]:
-    for change in evidence.changes:
+    for change in evidence.vehicle.changes:
         sources = change.name.startswith("EK3_SRC") and change.new == EXTNAV
-        had_none = not any(evidence.source(name, n) == EXTNAV for name in SOURCE_NAMES for n in _SETS)
+        had_none = not any(evidence.source(name, n) == EXTNAV for name in ROWS for n in SOURCE_SETS)
         if change.name in _REBOOT or (sources and had_none):
             yield Sighting(
                 f"{change.name} changed from {change.old:g} to {change.new:g} at {at(change.time_us)}",
@@ -367,8 +370,8 @@ def value_out_of_range(evidence: Evidence) -> Iterator[Sighting]:
     fix="Give them: --defaults FILE.parm, or --param NAME=VALUE.",
 )
 def assumed_parameters(evidence: Evidence) -> Iterator[Sighting]:
-    if evidence.assumed:
-        values = ", ".join(f"{one.name} {one.value:g} ({one.why})" for one in evidence.assumed)
+    if evidence.set_up.assumed:
+        values = ", ".join(f"{one.name} {one.value:g} ({one.why})" for one in evidence.set_up.assumed)
         yield Sighting(f"these were not given, so defaults were assumed: {values}")
 
 
@@ -385,5 +388,5 @@ def assumed_parameters(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def not_set_up(evidence: Evidence) -> Iterator[Sighting]:
-    if not evidence.vision and evidence.is_off and not evidence.asks:
+    if not evidence.stream.vision and evidence.is_off and not evidence.requests:
         yield Sighting("nothing asks for external navigation, and no message of it is there")

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.doctor.checks.check import Sighting
-from viso.doctor.evidence.tracks import SeenMessage, Track
+from viso.doctor.evidence.tracks import HandledMessage, Track
 
 
 def at(time_us: float) -> str:
@@ -31,7 +31,7 @@ def listed(texts: Sequence[str], most: int = 4) -> str:
     return ", ".join(texts[:most]) + (", …" if len(texts) > most else "")
 
 
-def by_type(messages: Iterable[SeenMessage]) -> Iterator[tuple[str, list[SeenMessage]]]:
+def by_type(messages: Iterable[HandledMessage]) -> Iterator[tuple[str, list[HandledMessage]]]:
     """Yield the names of messages in alphabetical order, and those of each."""
     found = list(messages)
     for name in sorted({one.name for one in found}):

@@ -11,14 +11,14 @@ from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import by_type, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.sender_clock import FEWEST
-from viso.doctor.evidence.tracks import SeenMessage
+from viso.doctor.evidence.tracks import HandledMessage
 from viso.streams.stream_kinds import Aspect
 
 _GATE: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
 
 
-def _odometry(evidence: Evidence) -> list[tuple[SeenMessage, int]]:
-    return [(one, one.message.quality) for one in evidence.vision if isinstance(one.message, ODOMETRY)]
+def _odometry(evidence: Evidence) -> list[tuple[HandledMessage, int]]:
+    return [(one, one.message.quality) for one in evidence.stream.vision if isinstance(one.message, ODOMETRY)]
 
 
 @check(
@@ -54,7 +54,7 @@ def quality_out_of_range(evidence: Evidence) -> Iterator[Sighting]:
     fix="Set VISO_QUAL_MIN to 0, or send ODOMETRY.",
 )
 def gate_without_quality(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.vision if one.verdict is QUALITY_BELOW_MIN and one.name != "ODOMETRY"]
+    found = [one for one in evidence.stream.vision if one.verdict is QUALITY_BELOW_MIN and one.name != "ODOMETRY"]
     why = f"their quality counts as 0, VISO_QUAL_MIN is {evidence.param('VISO_QUAL_MIN'):.0f}"
     for name, of_name in by_type(found):
         yield Sighting.in_messages(f"{len(of_name)} {name} withheld: {why}", of_name)

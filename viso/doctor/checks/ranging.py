@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
-from ekf_stub.inputs.sources import SETS, SourceZ
+from ekf_stub.inputs.sources import SourceZ
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.ground_set_up import (
     CTUN_BIT,
@@ -27,6 +27,7 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.ground_sensors import RANGE, RangeSeries
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.tracks import Bools, Floats
+from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 from viso.estimators.series import stretches_of
 
 _STALE_US: Final = 500_000
@@ -55,14 +56,14 @@ _WHY: Final = {
 
 def _asking(evidence: Evidence) -> list[str]:
     """Return what asks for ranges in the set-up, the first source set first."""
-    sets = [f"EK3_SRC{n}_POSZ 2" for n in range(1, SETS + 1) if evidence.source("POSZ", n) == SourceZ.RANGEFINDER]
-    use = evidence.told.get("EK3_RNG_USE_HGT", -1.0)
+    sets = [f"EK3_SRC{n}_POSZ 2" for n in SOURCE_SETS if evidence.source("POSZ", n) == SourceZ.RANGEFINDER]
+    use = evidence.set_up.known.get("EK3_RNG_USE_HGT", -1.0)
     return [*sets, *([f"EK3_RNG_USE_HGT {use:g}"] if use > 0 else [])]
 
 
 def _down(evidence: Evidence) -> Iterator[RangeSeries]:
     """Yield the range finders of which the filter takes ranges."""
-    for one in evidence.ground.ranges:
+    for one in evidence.vehicle.ground.ranges:
         if one.looks_down and len(one):
             yield one
 
@@ -89,7 +90,7 @@ def range_missing(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if asking[0].startswith("EK3_SRC1") else Severity.WARNING
     if range_finders(evidence) == []:
         yield Sighting(f"{listed(asking)}, and no RNGFNDn_TYPE is set", severity=severity)
-    elif not evidence.ground.ranges and (found := unheard(evidence, RANGE, severity)) is not None:
+    elif not evidence.vehicle.ground.ranges and (found := unheard(evidence, RANGE, severity)) is not None:
         yield Sighting(f"{listed(asking)}, and no range was heard{found[0]}", severity=found[1])
 
 
@@ -106,7 +107,7 @@ def range_missing(evidence: Evidence) -> Iterator[Sighting]:
 )
 def range_unused(evidence: Evidence) -> Iterator[Sighting]:
     finders = range_finders(evidence)
-    for one in evidence.ground.ranges:
+    for one in evidence.vehicle.ground.ranges:
         if not one.is_sent or finders is None:
             continue
         everything, orient = np.ones(len(one), np.bool_), int(one.orient[-1])
@@ -127,10 +128,10 @@ def range_unused(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def range_not_down(evidence: Evidence) -> Iterator[Sighting]:
-    ranges = [one for one in evidence.ground.ranges if len(one)]
+    ranges = [one for one in evidence.vehicle.ground.ranges if len(one)]
     if not ranges or any(one.looks_down for one in ranges):
         return
-    wants = bool(_asking(evidence)) or any(evidence.source("VELXY", n) == 5 for n in range(1, SETS + 1))
+    wants = bool(_asking(evidence)) or any(evidence.source("VELXY", n) == 5 for n in SOURCE_SETS)
     for one in ranges:
         text = f"orientation {int(one.orient[-1])}, and none is of orientation {DOWNWARD}"
         yield seen(text, one, np.ones(len(one), np.bool_), None if wants else Severity.NOTE)
@@ -181,7 +182,7 @@ def _limits(evidence: Evidence, one: RangeSeries) -> str:
     if np.isfinite(one.low_m).all() and np.isfinite(one.high_m).all():
         return f", limits {one.low_m[-1]:.2f} and {one.high_m[-1]:.2f} m"
     names = [f"RNGFND{one.instance + 1}_{name}" for name in ("MIN", "MAX")]
-    known = [f"{name} {evidence.told[name]:.2f}" for name in names if name in evidence.told]
+    known = [f"{name} {evidence.set_up.known[name]:.2f}" for name in names if name in evidence.set_up.known]
     return "".join(f", {text}" for text in known)
 
 
@@ -355,8 +356,8 @@ def range_not_judged(evidence: Evidence) -> Iterator[Sighting]:
         elif found[1] <= _ALIKE:
             yield Sighting(f"{named(one)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})")
     asks = _asking(evidence)
-    if asks and not evidence.ground.ranges:
+    if asks and not evidence.vehicle.ground.ranges:
         if not is_recorded(evidence, CTUN_BIT) and told(evidence, "RNGFND1_TYPE"):
             yield Sighting(f"{listed(asks)}, and LOG_BITMASK does not say that ranges are logged (RFND)")
-        elif evidence.ground.health.get(RANGE):
+        elif evidence.vehicle.ground.health.get(RANGE):
             yield Sighting("SYS_STATUS calls the range finder healthy, and its ranges are not in the recording")

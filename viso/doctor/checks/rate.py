@@ -13,7 +13,7 @@ from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.sender_clock import FEWEST, sender_clock
-from viso.doctor.evidence.tracks import SeenMessage, Track
+from viso.doctor.evidence.tracks import HandledMessage, Track
 
 _HEALTHY_US: Final = 300_000
 _FRESH_US: Final = 500_000
@@ -24,16 +24,16 @@ _INGEST: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData"
 _SECOND_US: Final = 1_000_000
 
 
-def _taken(evidence: Evidence) -> list[SeenMessage]:
-    return [one for one in evidence.vision if one.is_taken]
+def _taken(evidence: Evidence) -> list[HandledMessage]:
+    return [one for one in evidence.stream.vision if one.is_taken]
 
 
-def _gaps(evidence: Evidence) -> list[tuple[SeenMessage, SeenMessage, int]]:
+def _gaps(evidence: Evidence) -> list[tuple[HandledMessage, HandledMessage, int]]:
     """Return neighbours between which the sensor was unhealthy for a time, and their distance in us.
 
     What stops once the vehicle has disarmed for good harms nobody.
     """
-    own = evidence.own_filter
+    own = evidence.vehicle.own_filter
     over_us = 1e6 * own.armed[-1][1] if own is not None and own.armed else np.inf
     pairs = itertools.pairwise(_taken(evidence))
     lengths = ((a, b, b.arrival_us - a.arrival_us) for a, b in pairs)
@@ -129,10 +129,10 @@ def gaps_of_seven_seconds(evidence: Evidence) -> Iterator[Sighting]:
     yield from _gaps_between(evidence, _POSITION_LOST_US, 1 << 62)
 
 
-def _samples(evidence: Evidence, kind: str) -> tuple[list[SeenMessage], list[SeenMessage]]:
+def _samples(evidence: Evidence, kind: str) -> tuple[list[HandledMessage], list[HandledMessage]]:
     """Return the messages with samples of a kind, and those whose sample was refused for coming too soon."""
     offered, refused = [], []
-    for one in evidence.vision:
+    for one in evidence.stream.vision:
         of_kind = [sample for sample in one.samples if sample.kind == kind]
         if of_kind:
             offered.append(one)
@@ -157,7 +157,7 @@ def _median_interval_us(track: Track) -> float:
     fix="Send 30 to 50 messages per second; more only fills the link.",
 )
 def too_many_messages(evidence: Evidence) -> Iterator[Sighting]:
-    for track in evidence.tracks:
+    for track in evidence.stream.tracks:
         interval = _median_interval_us(track)
         if len(track) < FEWEST or not 0 < interval < _GATE_US - 500:
             continue
@@ -179,9 +179,9 @@ def too_many_messages(evidence: Evidence) -> Iterator[Sighting]:
     fix=("Space messages evenly, send each measurement in one message only, and keep the rate clear of 50 per second."),
 )
 def samples_in_pairs(evidence: Evidence) -> Iterator[Sighting]:
-    fast = any(0 < _median_interval_us(track) < _GATE_US - 500 for track in evidence.tracks)
+    fast = any(0 < _median_interval_us(track) < _GATE_US - 500 for track in evidence.stream.tracks)
     # By a clock that runs otherwise corrected times say nothing of how evenly messages come.
-    odd = any(sender_clock(track) is not None for track in evidence.tracks)
+    odd = any(sender_clock(track) is not None for track in evidence.stream.tracks)
     for kind in () if fast or odd else ("pose", "velocity"):
         offered, refused = _samples(evidence, kind)
         if len(offered) >= FEWEST and len(refused) > 0.05 * len(offered):
@@ -199,8 +199,8 @@ def samples_in_pairs(evidence: Evidence) -> Iterator[Sighting]:
 )
 def same_measurement_twice(evidence: Evidence) -> Iterator[Sighting]:
     for kind, tracks in (
-        ("pose", [poses.track for poses in evidence.poses]),
-        ("velocity", [velocities.track for velocities in evidence.velocities]),
+        ("pose", [poses.track for poses in evidence.stream.poses]),
+        ("velocity", [velocities.track for velocities in evidence.stream.velocities]),
     ):
         seconds = [set((track.arrival_us // _SECOND_US).tolist()) for track in tracks]
         for index in range(1, len(tracks)):
@@ -219,7 +219,7 @@ def same_measurement_twice(evidence: Evidence) -> Iterator[Sighting]:
     fix="Send 10 to 40 messages per second if the source allows it.",
 )
 def few_messages(evidence: Evidence) -> Iterator[Sighting]:
-    for track in evidence.tracks:
+    for track in evidence.stream.tracks:
         interval = _median_interval_us(track)
         if len(track) >= FEWEST and 100_000 < interval < 250_000:
             yield Sighting(f"{track.sender}: {1e6 / interval:.1f} messages per second", track.numbers.tolist())

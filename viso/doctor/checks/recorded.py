@@ -83,7 +83,7 @@ def _armed(armed_s: float, total_s: float) -> str:
 
 def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, str]]:
     """Yield the channels whose ratio was above 1 while external navigation fed them, or something else; worst first."""
-    own = evidence.own_filter
+    own = evidence.vehicle.own_filter
     if own is None:
         return
     found = []
@@ -152,7 +152,7 @@ def rejected_other_sensor(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def sensor_unhealthy(evidence: Evidence) -> Iterator[Sighting]:
-    own = evidence.own_filter
+    own = evidence.vehicle.own_filter
     if own is None or own.vision is None:
         return
     vision = own.vision
@@ -198,7 +198,7 @@ def sensor_unhealthy(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def ekf_check_acted(evidence: Evidence) -> Iterator[Sighting]:
-    own = evidence.own_filter
+    own = evidence.vehicle.own_filter
     if own is not None and own.failsafes:
         first = own.failsafes[0]
         counts = Counter(text for _, text in own.failsafes)
@@ -230,7 +230,7 @@ def _may_rely_on_extnav(own: OwnFilter) -> bool:
     witness=Witness.LOG,
 )
 def cores_disagree(evidence: Evidence) -> Iterator[Sighting]:
-    own = evidence.own_filter
+    own = evidence.vehicle.own_filter
     if own is None:
         return
     lanes = [
@@ -266,7 +266,7 @@ def cores_disagree(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def never_navigated(evidence: Evidence) -> Iterator[Sighting]:
-    own = evidence.own_filter
+    own = evidence.vehicle.own_filter
     if own is None or not own.flags.any():
         return
     wants = own.wants_extnav & own.running
@@ -302,7 +302,7 @@ def _said(stops: list[int]) -> str:
     witness=Witness.LOG,
 )
 def lost_extnav(evidence: Evidence) -> Iterator[Sighting]:
-    own = evidence.own_filter
+    own = evidence.vehicle.own_filter
     if own is None or not own.uses_extnav.any():
         return
     began = np.arange(len(own.time_us)) >= int(np.argmax(own.uses_extnav))
@@ -343,7 +343,7 @@ def _lost_for(own: OwnFilter, lost: Bools, what: str, stops: list[int]) -> Itera
     witness=Witness.LOG,
 )
 def reports_not_recorded(evidence: Evidence) -> Iterator[Sighting]:
-    own = evidence.own_filter
+    own = evidence.vehicle.own_filter
     if own is None or not evidence.is_concerned:
         return
     missing = []

@@ -73,14 +73,14 @@ def _told(errors: Errors) -> str:
     needs=_NEEDS,
 )
 def errors_of_releases(evidence: Evidence) -> Iterator[Sighting]:
-    judge, here = _Judge(evidence), evidence.firmware
+    judge, here = _Judge(evidence), evidence.set_up.firmware
     others = [one for one in PROFILES.values() if one.endpoint.error_formula is not here.endpoint.error_formula]
     for other in {one.endpoint.error_formula: one for one in others}.values():  # the newest with each formula
-        differ = [one for one in evidence.vision if not _agree(judge, one.message, here, other)]
+        differ = [one for one in evidence.stream.vision if not _agree(judge, one.message, here, other)]
         for name, found in by_type(differ):
             ours, theirs = (judge.limited(found[0].message, one) for one in (here, other))
             if ours is not None and theirs is not None:
-                whole = sum(one.name == name for one in evidence.vision)
+                whole = sum(one.name == name for one in evidence.stream.vision)
                 yield Sighting.in_messages(
                     f"{share(len(found), whole)} {name}, first: {_told(ours)} here ({here.name}), {_told(theirs)} in "
                     f"{other.name}",
@@ -110,9 +110,9 @@ def _agree(judge: _Judge, message: object, here: Firmware, other: Firmware) -> b
     needs=_NEEDS,
 )
 def mocap_covariance(evidence: Evidence) -> Iterator[Sighting]:
-    judge, here = _Judge(evidence), evidence.firmware
+    judge, here = _Judge(evidence), evidence.set_up.firmware
     readers = [one for one in PROFILES.values() if one.endpoint.mocap_errors is not here.endpoint.mocap_errors]
-    found = [one for one in evidence.vision if isinstance(one.message, ATT_POS_MOCAP)]
+    found = [one for one in evidence.stream.vision if isinstance(one.message, ATT_POS_MOCAP)]
     told = [one for one in found if judge.raw(one.message, here) == (0.0, 0.0)]
     if told and readers:
         theirs = judge.limited(told[0].message, readers[0])
@@ -134,10 +134,10 @@ def mocap_covariance(evidence: Evidence) -> Iterator[Sighting]:
     needs=_NEEDS,
 )
 def negative_variances(evidence: Evidence) -> Iterator[Sighting]:
-    judge, here = _Judge(evidence), evidence.firmware
-    found = [one for one in evidence.vision if _has_negative_sum(judge, one.message, here)]
+    judge, here = _Judge(evidence), evidence.set_up.firmware
+    found = [one for one in evidence.stream.vision if _has_negative_sum(judge, one.message, here)]
     for name, messages in by_type(found):
-        whole = sum(one.name == name for one in evidence.vision)
+        whole = sum(one.name == name for one in evidence.stream.vision)
         yield Sighting.in_messages(f"{share(len(messages), whole)} {name}", messages)
 
 

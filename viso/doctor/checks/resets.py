@@ -133,7 +133,7 @@ def _resets(poses: Poses) -> _Resets:
 
 
 def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         if len(poses.track) < FEWEST:
             continue
         resets = _resets(poses)
@@ -258,7 +258,7 @@ def _counter_flaps(poses: Poses) -> bool:
     needs={Aspect.RESETS},
 )
 def counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
-    seen = [one for one in evidence.vision if isinstance(one.message, POSE_TYPES)]
+    seen = [one for one in evidence.stream.vision if isinstance(one.message, POSE_TYPES)]
     if len(seen) < FEWEST:
         return
     counters = [int(getattr(one.message, "reset_counter", 0)) for one in seen]
@@ -281,7 +281,7 @@ def counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.RESETS},
 )
 def first_counter(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         first = int(poses.reset_counter[0])
         if first != 0:
             severity = Severity.WARNING if evidence.viso_type == _TYPE_VOXL else Severity.NOTE
@@ -299,8 +299,8 @@ def first_counter(evidence: Evidence) -> Iterator[Sighting]:
 )
 def contradicting_poses(evidence: Evidence) -> Iterator[Sighting]:
     """Find two senders of poses whose positions lie apart at the same time."""
-    for index in range(1, len(evidence.poses)):
-        one, other = evidence.poses[0], evidence.poses[index]
+    for index in range(1, len(evidence.stream.poses)):
+        one, other = evidence.stream.poses[0], evidence.stream.poses[index]
         if len(one.track) < FEWEST or len(other.track) < FEWEST:
             continue
         first, last = one.track.arrival_us[0], one.track.arrival_us[-1]

@@ -49,14 +49,14 @@ def _scaled_fit(motion: Motion) -> Agreement | None:
 )
 def length_unit(evidence: Evidence) -> Iterator[Sighting]:
     told = set()
-    for motion in evidence.motions:
+    for motion in evidence.stream.motions:
         fit = _scaled_fit(motion)
         for factor, unit in _UNITS:
             if fit is not None and fit.correlation > 0.7 and 0.7 < fit.scale / factor < 1.4:
                 told.add(motion.pose_sender)
                 text = f"the path is {fit.scale:.3g} times what velocities say: positions look like {unit}"
                 yield Sighting.in_track(f"{motion.pose_sender}: {text}", motion)
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         speed = _path_speed(poses)
         if poses.track.sender not in told and speed > _FASTEST:
             numbers = poses.track.numbers.tolist()
@@ -85,7 +85,7 @@ def _path_speed(poses: Poses) -> float:
     fix="Correct the scale at the source, or set VISO_SCALE.",
 )
 def path_against_velocities(evidence: Evidence) -> Iterator[Sighting]:
-    for motion in evidence.motions:
+    for motion in evidence.stream.motions:
         fit = _scaled_fit(motion)
         if fit is None or fit.correlation < _FITS:
             continue
@@ -143,7 +143,7 @@ def position_scale(evidence: Evidence) -> Iterator[Sighting]:
     fix="Fill in the velocity, or set EK3_SRC1_VELXY and VELZ to 0.",
 )
 def velocity_always_zero(evidence: Evidence) -> Iterator[Sighting]:
-    for motion in evidence.motions:
+    for motion in evidence.stream.motions:
         path, used = typical_speed(motion.path), typical_speed(motion.used)
         if motion.is_enough and used < 0.02 * min(path, 1.0):
             text = f"velocity stays 0 while the path moves at {path:.2f} m/s"
@@ -159,7 +159,7 @@ def velocity_always_zero(evidence: Evidence) -> Iterator[Sighting]:
     fix="Filter velocities at the source, or derive them from the filter there instead of from differences.",
 )
 def velocity_spikes(evidence: Evidence) -> Iterator[Sighting]:
-    for velocities in evidence.velocities:
+    for velocities in evidence.stream.velocities:
         told, track = velocities.used, velocities.track
         if len(track) < FEWEST:
             continue
@@ -183,7 +183,7 @@ def velocity_spikes(evidence: Evidence) -> Iterator[Sighting]:
 )
 def velocity_leaves_path(evidence: Evidence) -> Iterator[Sighting]:
     """Find stretches in which velocities leave the path by far, though they fit elsewhere."""
-    for motion in evidence.motions:
+    for motion in evidence.stream.motions:
         if len(motion.numbers) < FEWEST:
             continue
         fit = agreement(motion.path, motion.used)
@@ -209,7 +209,7 @@ def velocity_leaves_path(evidence: Evidence) -> Iterator[Sighting]:
     fix="Look for a drift of the source's map or a bias of its velocity.",
 )
 def position_drift(evidence: Evidence) -> Iterator[Sighting]:
-    for motion in evidence.motions:
+    for motion in evidence.stream.motions:
         if len(motion.numbers) < 3 * FEWEST:
             continue
         off = motion.path - motion.used
@@ -236,7 +236,7 @@ def position_drift(evidence: Evidence) -> Iterator[Sighting]:
     ),
 )
 def far_from_origin(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.poses:
+    for poses in evidence.stream.poses:
         largest = np.abs(poses.pos_m).max(axis=1)
         distance = median_of(largest[np.isfinite(largest)])
         step = float(np.spacing(np.float32(distance)))

@@ -14,8 +14,8 @@ from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, by_type, listed, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.sender_clock import FEWEST, are_us
+from viso.doctor.evidence.stream_data import VISION_NAMES
 from viso.doctor.evidence.tracks import Bools, Ints, Track
-from viso.doctor.evidence.trial_parameters import VISION_NAMES
 from viso.streams.stream_kinds import Aspect
 
 _LEAST_LOST: Final = 3
@@ -44,17 +44,19 @@ _LOST_FIELDS: Final = {
     ),
 )
 def no_vision(evidence: Evidence) -> Iterator[Sighting]:
-    sent = any(one.units is not None for one in evidence.ground.flows) or any(
-        one.is_sent for one in evidence.ground.ranges
+    sent = any(one.units is not None for one in evidence.vehicle.ground.flows) or any(
+        one.is_sent for one in evidence.vehicle.ground.ranges
     )
-    if evidence.vision or evidence.is_off or (sent and not evidence.asks):
+    if evidence.stream.vision or evidence.is_off or (sent and not evidence.requests):
         return
-    asked = f"{listed(evidence.asks, _MOST_ASKING)} ask for external navigation, and " if evidence.asks else ""
-    if Aspect.LINK in evidence.lacks:
+    asked = f"{listed(evidence.requests, _MOST_ASKING)} ask for external navigation, and " if evidence.requests else ""
+    if Aspect.LINK in evidence.stream.lacks:
         yield Sighting(f"{asked}no record of it is there: none came, or what came was dropped before the log")
         return
-    there = listed([f"{name} ({count})" for name, count in Counter(evidence.kinds).most_common(5)], 5) or "nothing"
-    total = sum(evidence.kinds.values())
+    there = (
+        listed([f"{name} ({count})" for name, count in Counter(evidence.stream.kinds).most_common(5)], 5) or "nothing"
+    )
+    total = sum(evidence.stream.kinds.values())
     yield Sighting(f"{asked}of {total} messages none is of external navigation; there are {there}")
 
 
@@ -73,9 +75,9 @@ def no_vision(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def mavlink_1(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.vision if one.version == 1 and one.name in _LOST_FIELDS]
+    found = [one for one in evidence.stream.vision if one.version == 1 and one.name in _LOST_FIELDS]
     for name, of_name in by_type(found):
-        total = sum(one.name == name for one in evidence.vision)
+        total = sum(one.name == name for one in evidence.stream.vision)
         yield Sighting.in_messages(
             f"{share(len(of_name), total)} {name} came as MAVLink 1, without {_LOST_FIELDS[name]}", of_name
         )
@@ -85,7 +87,7 @@ def _skipped(evidence: Evidence, track: Track) -> Ints:
     """Return how many sequence numbers of a track's sender are missing up to each of its messages."""
     sender = track.sender
     numbers, sequence = [], []
-    for one in evidence.messages:
+    for one in evidence.stream.messages:
         if one.sender == (sender.system_id, sender.component_id) and one.version:
             numbers.append(one.number)
             sequence.append(one.sequence)
@@ -113,7 +115,7 @@ def _is_missing_one(evidence: Evidence, track: Track) -> Bools:
     needs={Aspect.LINK},
 )
 def lost_messages(evidence: Evidence) -> Iterator[Sighting]:
-    for track in evidence.tracks:
+    for track in evidence.stream.tracks:
         if len(track) < FEWEST:
             continue
         missing = np.flatnonzero(_is_missing_one(evidence, track))
@@ -139,7 +141,7 @@ def lost_messages(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def damaged_frames(evidence: Evidence) -> Iterator[Sighting]:
-    otherwise = [kind for kind in evidence.refused if kind.is_defined_otherwise]
+    otherwise = [kind for kind in evidence.stream.refused if kind.is_defined_otherwise]
     for kind in otherwise:
         sender = f"{kind.system_id}/{kind.component_id}"
         yield Sighting(
@@ -152,9 +154,9 @@ def damaged_frames(evidence: Evidence) -> Iterator[Sighting]:
         )
     known = {number for kind in otherwise for number in kind.refused}
     refused = (BAD_CRC, UNKNOWN_MESSAGE)
-    found = [one for one in evidence.messages if one.verdict in refused and one.number not in known]
+    found = [one for one in evidence.stream.messages if one.verdict in refused and one.number not in known]
     if found:
-        frames = sum(one.version != 0 for one in evidence.messages) + len(found)
+        frames = sum(one.version != 0 for one in evidence.stream.messages) + len(found)
         yield Sighting.in_messages(f"{share(len(found), frames)} frames were damaged", found)
 
 
@@ -171,12 +173,12 @@ def damaged_frames(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def several_senders(evidence: Evidence) -> Iterator[Sighting]:
-    senders = Counter(one.sender for one in evidence.vision)
+    senders = Counter(one.sender for one in evidence.stream.vision)
     if len(senders) > 1:
         names = " and ".join(f"{system}/{component} ({count})" for (system, component), count in senders.items())
         (usual, _), *_ = senders.most_common(1)
         yield Sighting.in_messages(
-            f"external navigation comes from {names}", [one for one in evidence.vision if one.sender != usual]
+            f"external navigation comes from {names}", [one for one in evidence.stream.vision if one.sender != usual]
         )
 
 
@@ -190,10 +192,10 @@ def several_senders(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def own_ids(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.vision if one.verdict is OWN_MESSAGE]
+    found = [one for one in evidence.stream.vision if one.verdict is OWN_MESSAGE]
     if found:
         ids = f"{found[0].system_id}/{found[0].component_id}"
-        count = share(len(found), len(evidence.vision))
+        count = share(len(found), len(evidence.stream.vision))
         yield Sighting.in_messages(
             f"{count} messages of external navigation came as from {ids}, the autopilot itself", found
         )
@@ -209,10 +211,10 @@ def own_ids(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def wrong_target(evidence: Evidence) -> Iterator[Sighting]:
-    senders = {one.sender for one in evidence.vision}
+    senders = {one.sender for one in evidence.stream.vision}
     found = [
         one
-        for one in evidence.messages
+        for one in evidence.stream.messages
         if one.verdict is NOT_ADDRESSED and one.sender in senders and isinstance(one.message, _FOR_THE_AUTOPILOT)
     ]
     for name, of_name in by_type(found):
@@ -231,10 +233,10 @@ def wrong_target(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def only_ground_station(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.vision if one.verdict is NOT_ACCEPTED]
+    found = [one for one in evidence.stream.vision if one.verdict is NOT_ACCEPTED]
     if found:
         own, gcs = evidence.system_id, evidence.ground_station_id
-        text = f"{share(len(found), len(evidence.vision))} messages refused: from system {found[0].system_id}"
+        text = f"{share(len(found), len(evidence.stream.vision))} messages refused: from system {found[0].system_id}"
         yield Sighting.in_messages(f"{text}, while only {own} and {gcs} are admitted", found)
 
 
@@ -250,14 +252,14 @@ def only_ground_station(evidence: Evidence) -> Iterator[Sighting]:
 def repeated_messages(evidence: Evidence) -> Iterator[Sighting]:
     latest: dict[tuple[int, int, str], bytes] = {}
     found = []
-    for one in evidence.vision:
+    for one in evidence.stream.vision:
         key = (*one.sender, one.name)
         if latest.get(key) == one.frame:
             found.append(one)
         latest[key] = one.frame
     if len(found) >= _LEAST_LOST:
         yield Sighting.in_messages(
-            f"{share(len(found), len(evidence.vision))} messages came twice, byte for byte", found
+            f"{share(len(found), len(evidence.stream.vision))} messages came twice, byte for byte", found
         )
 
 
@@ -274,7 +276,7 @@ def repeated_messages(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def reordered_messages(evidence: Evidence) -> Iterator[Sighting]:
-    for track in evidence.tracks:
+    for track in evidence.stream.tracks:
         if len(track) < FEWEST or not are_us(track):
             continue
         step = np.diff(track.sequence) % 256

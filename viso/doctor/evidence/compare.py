@@ -11,7 +11,7 @@ import numpy as np
 from ap_core.internal_error import InternalErrors
 from ap_core.rotations import quaternion_from_rotation
 from ekf_stub.inputs.sources import EXTNAV
-from viso.doctor.evidence.tracks import Floats, Ints, Poses, SeenMessage
+from viso.doctor.evidence.tracks import Floats, HandledMessage, Ints, Poses
 from viso.doctor.evidence.vehicle_data import AttitudeSeries
 from viso.doctor.evidence.vehicle_position import PositionSeries
 from viso.estimators import quaternion_arrays as quaternion
@@ -65,7 +65,7 @@ def oriented(quat_wxyz: Floats, viso_type: int, orient: int) -> Floats:
     return turned
 
 
-def _corrected_us(poses: Poses, messages: Mapping[int, SeenMessage]) -> Ints:
+def _corrected_us(poses: Poses, messages: Mapping[int, HandledMessage]) -> Ints:
     """Return the times that the autopilot gives to poses (CTimeMS); that of arrival where it made no record."""
     times = poses.track.arrival_us.copy()
     for index, number in enumerate(poses.track.numbers.tolist()):
@@ -87,7 +87,7 @@ def _usable(time_us: Ints, quat_wxyz: Floats) -> tuple[Ints, Floats]:
 
 def compare(
     poses: Sequence[Poses],
-    messages: Sequence[SeenMessage],
+    messages: Sequence[HandledMessage],
     attitude: AttitudeSeries | None,
     params: Mapping[str, float],
 ) -> tuple[Comparison, ...]:

@@ -154,10 +154,8 @@ class GroundSensors:
     by: str = "the vehicle"
     health: Mapping[str, bool] = field(default_factory=dict)
 
-    def beside(self, other: "GroundSensors | None") -> "GroundSensors":
-        """Return these sensors beside those of another recording, whose motion of the vehicle is taken if it tells."""
-        if other is None:
-            return self
+    def beside(self, other: "GroundSensors") -> "GroundSensors":
+        """Return these sensors and those of another recording, with that one's motion of the vehicle if it has any."""
         return GroundSensors(
             (*other.flows, *self.flows),
             (*other.ranges, *self.ranges),

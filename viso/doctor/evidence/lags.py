@@ -22,7 +22,7 @@ _MOST_IN_PAIRS: Final = 300
 
 def usable_tracks(evidence: Evidence) -> Iterator[Track]:
     """Yield the tracks whose stamps are us of a clock that runs as the autopilot's: of others no lag can be told."""
-    for track in evidence.tracks:
+    for track in evidence.stream.tracks:
         if len(track) >= FEWEST and tells_lags(track):
             yield track
 

@@ -46,7 +46,7 @@ def timed(table: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class SeenMessage:
+class HandledMessage:
     """A message, or bytes that are none.
 
     Attributes:
@@ -182,7 +182,7 @@ def track_of(
     return Track(sender, _ints(numbers), _ints(arrival_us), _ints(since_first), stamps[0], _ints(sequence))
 
 
-def _track(sender: Sender, seen: Sequence[SeenMessage]) -> Track:
+def _track(sender: Sender, seen: Sequence[HandledMessage]) -> Track:
     return track_of(
         sender,
         [one.number for one in seen],
@@ -192,16 +192,16 @@ def _track(sender: Sender, seen: Sequence[SeenMessage]) -> Track:
     )
 
 
-def grouped(messages: Sequence[SeenMessage], types: tuple[type, ...]) -> dict[Sender, list[SeenMessage]]:
+def grouped(messages: Sequence[HandledMessage], types: tuple[type, ...]) -> dict[Sender, list[HandledMessage]]:
     """Return messages of some types by sender, in order of first appearance."""
-    groups: dict[Sender, list[SeenMessage]] = {}
+    groups: dict[Sender, list[HandledMessage]] = {}
     for one in messages:
         if isinstance(one.message, types):
             groups.setdefault(Sender(one.system_id, one.component_id, one.name), []).append(one)
     return groups
 
 
-def stamped_tracks(messages: Sequence[SeenMessage]) -> tuple[Track, ...]:
+def stamped_tracks(messages: Sequence[HandledMessage]) -> tuple[Track, ...]:
     """Return the tracks of all messages whose stamps the autopilot reads."""
     return tuple(_track(sender, seen) for sender, seen in grouped(messages, STAMPED_TYPES).items())
 
@@ -245,7 +245,7 @@ def covariance_of(message: object) -> tuple[float, ...] | None:
     return message.pose_covariance if isinstance(message, ODOMETRY) else message.covariance
 
 
-def _poses(sender: Sender, seen: Sequence[SeenMessage]) -> Poses:
+def _poses(sender: Sender, seen: Sequence[HandledMessage]) -> Poses:
     messages = [one.message for one in seen]
     pos_m = np.array([(m.x, m.y, m.z) for m in messages if isinstance(m, POSE_TYPES)], dtype=np.float64)
     euler_rad = None
@@ -266,12 +266,12 @@ def _poses(sender: Sender, seen: Sequence[SeenMessage]) -> Poses:
     )
 
 
-def pose_tracks(messages: Sequence[SeenMessage]) -> tuple[Poses, ...]:
+def pose_tracks(messages: Sequence[HandledMessage]) -> tuple[Poses, ...]:
     """Return what each sender's messages of each type say of the pose."""
     return tuple(_poses(sender, seen) for sender, seen in grouped(messages, POSE_TYPES).items())
 
 
-def _velocities(sender: Sender, seen: Sequence[SeenMessage]) -> Velocities:
+def _velocities(sender: Sender, seen: Sequence[HandledMessage]) -> Velocities:
     messages = [one.message for one in seen]
     if isinstance(messages[0], ODOMETRY):
         odometry = [m for m in messages if isinstance(m, ODOMETRY)]
@@ -283,7 +283,7 @@ def _velocities(sender: Sender, seen: Sequence[SeenMessage]) -> Velocities:
     return Velocities(_track(sender, seen), told, used)
 
 
-def velocity_tracks(messages: Sequence[SeenMessage]) -> tuple[Velocities, ...]:
+def velocity_tracks(messages: Sequence[HandledMessage]) -> tuple[Velocities, ...]:
     """Return what each sender's messages of each type say of the velocity."""
     return tuple(_velocities(sender, seen) for sender, seen in grouped(messages, VELOCITY_TYPES).items())
 

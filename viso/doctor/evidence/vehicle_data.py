@@ -20,7 +20,7 @@ from viso.doctor.evidence.own_filter import OwnFilter
 from viso.doctor.evidence.own_log import own_filter_in
 from viso.doctor.evidence.own_telemetry import FilterListener
 from viso.doctor.evidence.sender_clock import sender_clock
-from viso.doctor.evidence.tracks import STAMPED_TYPES, Floats, Ints, Sender, Track, stamp_of, timed, track_of
+from viso.doctor.evidence.tracks import STAMPED_TYPES, Bools, Floats, Ints, Sender, Track, stamp_of, timed, track_of
 from viso.doctor.evidence.vehicle_position import (
     LevelSeries,
     PositionListener,
@@ -126,6 +126,33 @@ class VehicleData:
     clock: BootClock | None = None
     ground: GroundSensors = NO_GROUND_SENSORS
     are_stamps_steady: bool = True
+
+    @property
+    def best_attitude(self) -> AttitudeSeries | None:
+        """The attitude by a simulator, or else by the vehicle's own account; None if nothing shows it."""
+        return self.truth or self.attitude
+
+    def is_attitude_wrong(self, time_us: Ints) -> Bools:
+        """Return at which times the best attitude is no measure, because the vehicle's filter had lost itself."""
+        if self.own_filter is None or self.truth is not None:
+            return np.zeros(len(time_us), dtype=np.bool_)
+        return self.own_filter.lost_itself(time_us)
+
+    def overridden_by(self, other: "VehicleData") -> "VehicleData":
+        """Return this vehicle's data, replaced by another recording's as far as that describes its motion and filter.
+
+        The sensors of flow and ranges are those of both.
+        """
+        return replace(
+            self,
+            attitude=other.attitude or self.attitude,
+            height=other.height or self.height,
+            position=other.position or self.position,
+            level=other.level or self.level,
+            truth=other.truth or self.truth,
+            own_filter=other.own_filter or self.own_filter,
+            ground=self.ground.beside(other.ground),
+        )
 
 
 class _Listener:

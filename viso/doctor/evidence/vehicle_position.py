@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.inputs.sources import EXTNAV
+from ekf_stub.inputs.sources import EXTNAV, SETS
 from mav_handlers.wire.messages import (
     EKF_STATUS_REPORT,
     GLOBAL_POSITION_INT,
@@ -30,15 +30,17 @@ from viso.doctor.evidence.tracks import Bools, Floats, Ints, timed
 from viso.logs.filter_records import parameters_in
 from viso.logs.recorded import table_of
 
+SOURCE_SETS: Final = range(1, SETS + 1)
+"""The numbers of the sets of sources, as in the names of parameters."""
+
 EKF3: Final = 3
 _FEWEST: Final = 20
 _FIX_3D: Final = 3
 _LATLON_TO_M: Final = 0.011131884502145034  # of a 1e-7 degree of latitude, as in AP_Common/Location.h
 _CORE: Final = 0
-_SETS: Final = (1, 2, 3)
 _OF_PATH: Final = ("POSXY", "VELXY", "POSZ", "VELZ")
 _OF_HEIGHT: Final = ("POSZ", "VELZ")
-_SOURCES: Final = tuple(f"EK3_SRC{number}_{name}" for number in _SETS for name in (*_OF_PATH, "YAW"))
+_SOURCES: Final = tuple(f"EK3_SRC{number}_{name}" for number in SOURCE_SETS for name in (*_OF_PATH, "YAW"))
 # Of XKF4.SS and EKF_STATUS_REPORT.flags.
 _HORIZONTAL: Final = 1 << 3 | 1 << 4
 _CONSTANT: Final = 1 << 7
@@ -109,7 +111,9 @@ def sources_of(values: Iterable[tuple[str, float]]) -> dict[str, float]:
     return params
 
 
-def is_independent(params: Mapping[str, float], names: Sequence[str] = _OF_PATH, sets: Iterable[int] = _SETS) -> bool:
+def is_independent(
+    params: Mapping[str, float], names: Sequence[str] = _OF_PATH, sets: Iterable[int] = SOURCE_SETS
+) -> bool:
     """Return whether the filter is known to take nothing of some sources from external navigation in some sets."""
     used = [params.get(f"EK3_SRC{number}_{name}") for number in sets for name in names]
     return "EK3_SRC1_POSXY" in params and EXTNAV not in used
@@ -118,7 +122,7 @@ def is_independent(params: Mapping[str, float], names: Sequence[str] = _OF_PATH,
 def follows_yaw(params: Mapping[str, float]) -> bool:
     """Return whether the autopilot's yaw may come from external navigation."""
     by_filter = params.get("AHRS_EKF_TYPE", EKF3) == EKF3
-    return by_filter and any(params.get(f"EK3_SRC{number}_YAW") == EXTNAV for number in _SETS)
+    return by_filter and any(params.get(f"EK3_SRC{number}_YAW") == EXTNAV for number in SOURCE_SETS)
 
 
 class PositionListener:
@@ -248,10 +252,10 @@ def _filter_places(log: LogColumns, params: Mapping[str, float]) -> Floats:
     flags = _at(_states(log, "XKF4"), table[:, 0])
     navigates = (flags & _HORIZONTAL != 0) & (flags & _CONSTANT == 0)
     sets = _states(log, "XKFS")
-    independent = [number for number in _SETS if is_independent(params, sets=(number,))]
+    independent = [number for number in SOURCE_SETS if is_independent(params, sets=(number,))]
     if len(sets):
         navigates &= np.isin(_at(sets, table[:, 0]) + 1, independent)
-    elif len(independent) < len(_SETS):
+    elif len(independent) < len(SOURCE_SETS):
         return table[:0]
     return np.asarray(table[navigates], dtype=np.float64)
 

@@ -20,11 +20,11 @@ _NUMBERS_IN_SARIF: Final = 100
 def as_json(evidence: Evidence, summary: Summary, findings: Sequence[Finding]) -> dict[str, object]:
     """Return everything for machines."""
     return {
-        "stream": evidence.name,
-        "firmware": evidence.firmware.name,
+        "stream": evidence.stream.name,
+        "firmware": evidence.set_up.firmware.name,
         "findings": [finding.as_dict() for finding in findings],
         "summary": summary.as_dict(),
-        "assumed": {one.name: one.value for one in evidence.assumed},
+        "assumed": {one.name: one.value for one in evidence.set_up.assumed},
         "notes": list(evidence.notes),
     }
 

@@ -132,7 +132,7 @@ def _own_words(own: OwnFilter | None) -> OwnWords | None:
 
 def _lags(evidence: Evidence) -> tuple[Lags, ...]:
     found = []
-    for track in evidence.tracks:
+    for track in evidence.stream.tracks:
         if tells_lags(track):
             lag = lateness_ms(track)
             counts = np.bincount(np.searchsorted(LAG_EDGES_MS, lag, side="right"), minlength=len(LAG_EDGES_MS) + 1)
@@ -143,14 +143,14 @@ def _lags(evidence: Evidence) -> tuple[Lags, ...]:
 
 def _rates(evidence: Evidence) -> dict[str, float]:
     spans: dict[str, list[int]] = {}
-    for one in evidence.vision:
+    for one in evidence.stream.vision:
         spans.setdefault(one.name, []).append(one.arrival_us)
     return {name: 1e6 * (len(at) - 1) / (at[-1] - at[0]) for name, at in spans.items() if at[-1] > at[0]}
 
 
 def _samples(evidence: Evidence) -> Counter[tuple[str, Fate]]:
     counts: Counter[tuple[str, Fate]] = Counter()
-    for one in evidence.vision:
+    for one in evidence.stream.vision:
         for sample in one.samples:
             counts.update((fate.outcome.kind, fate_of(fate.outcome.rule)) for fate in sample.fates)
     return counts
@@ -158,17 +158,17 @@ def _samples(evidence: Evidence) -> Counter[tuple[str, Fate]]:
 
 def summarise(evidence: Evidence) -> Summary:
     """Return what the autopilot would do with the stream."""
-    taken = [one.arrival_us for one in evidence.vision if one.is_taken]
-    aided = [span for span in evidence.aiding if span.mode is not AidingMode.NONE]
-    goes_on = bool(aided) and aided[-1] == evidence.aiding[-1]
+    taken = [one.arrival_us for one in evidence.stream.vision if one.is_taken]
+    aided = [span for span in evidence.trial.aiding if span.mode is not AidingMode.NONE]
+    goes_on = bool(aided) and aided[-1] == evidence.trial.aiding[-1]
     return Summary(
-        outcomes=Counter((one.name, one.verdict.outcome) for one in evidence.vision),
+        outcomes=Counter((one.name, one.verdict.outcome) for one in evidence.stream.vision),
         rate_hz=_rates(evidence),
         samples=_samples(evidence),
         healthy_from_us=taken[0] if taken else None,
         unhealthy=sum(later - earlier >= HEALTHY_US for earlier, later in itertools.pairwise(taken)),
         aiding_from_us=aided[0].start_us if aided else None,
         aiding_until_us=aided[-1].end_us if aided and not goes_on else None,
-        lags=() if Aspect.ARRIVAL in evidence.lacks else _lags(evidence),
-        own=_own_words(evidence.own_filter),
+        lags=() if Aspect.ARRIVAL in evidence.stream.lacks else _lags(evidence),
+        own=_own_words(evidence.vehicle.own_filter),
     )

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A check of the doctor, for a vehicle that is pushed along by hand: nobody pushes it faster than 3 m/s."""
 
+import math
 from collections.abc import Iterator
 
 from mav_handlers import VISION_SPEED_ESTIMATE
@@ -20,7 +21,11 @@ MOST_M_S = 3.0
 )
 def too_fast(evidence: Evidence) -> Iterator[Sighting]:
     """Yield what is reported faster than anybody walks."""
-    speeds = ((one.number, one.message) for one in evidence.messages if isinstance(one.message, VISION_SPEED_ESTIMATE))
-    numbers = [number for number, said in speeds if said.x**2 + said.y**2 + said.z**2 > MOST_M_S**2]
-    if numbers:
-        yield Sighting(f"{len(numbers)} messages report more than {MOST_M_S:g} m/s", numbers)
+    fast = [one for one in evidence.stream.vision if speed_of(one.message) > MOST_M_S]
+    if fast:
+        yield Sighting.in_messages(f"{len(fast)} messages report more than {MOST_M_S:g} m/s", fast)
+
+
+def speed_of(message: object) -> float:
+    """Return the speed that a message reports in m/s; 0 for one that reports none."""
+    return math.hypot(message.x, message.y, message.z) if isinstance(message, VISION_SPEED_ESTIMATE) else 0.0

@@ -6,7 +6,9 @@ import json
 import re
 import shlex
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,7 +21,7 @@ from tests.unit.viso.doctor.corpus import CORPUS
 from tests.unit.viso.doctor.streams import LEAD_US, SETUP, piece
 from tests.unit.viso.doctor.vehicles import GPS_ALONE, MANY, SOURCES, logged
 from viso.commands import doctor as doctor_command
-from viso.doctor import Evidence, GatherOptions
+from viso.doctor import Evidence, gather
 from viso.streams.stream_kinds import Stream
 
 UNTIL_US = LEAD_US + 3_000_000
@@ -44,15 +46,14 @@ _EXAMINED: dict[str, Evidence] = {}
 @pytest.fixture(autouse=True)
 def examined(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the same stream on the same vehicle be tried once, whatever is asked about it."""
-    examine = doctor_command._examine
 
-    def once(stream: Stream, options: GatherOptions) -> Evidence:
+    def once(stream: Stream, *, on_progress: Callable[[int], None], **options: Any) -> Evidence:
         key = repr((stream.name, stream.params, len(stream.messages), options))
         if key not in _EXAMINED:
-            _EXAMINED[key] = examine(stream, options)
+            _EXAMINED[key] = gather(stream, on_progress=on_progress, **options)
         return _EXAMINED[key]
 
-    monkeypatch.setattr(doctor_command, "_examine", once)
+    monkeypatch.setattr(doctor_command, "gather", once)
 
 
 def test_clean_stream_ends_well(viso: Viso) -> None:

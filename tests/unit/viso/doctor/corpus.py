@@ -11,7 +11,7 @@ import numpy as np
 
 from tests.unit.viso.doctor.evidences import seen_in
 from tests.unit.viso.doctor.streams import faulty, piece, shifted
-from viso.doctor import GatherOptions
+from viso.doctor import VehicleData
 from viso.doctor.evidence.tracks import pose_tracks
 from viso.doctor.evidence.vehicle_position import LevelSeries, PositionSeries
 from viso.streams.stream_kinds import Stream
@@ -74,18 +74,16 @@ class Case:
         stream = replace(stream, params=params)
         return faulty(stream, self.faults) if self.faults else stream
 
-    def options(self) -> GatherOptions | None:
-        """Return what else is known."""
+    def vehicle(self) -> VehicleData:
+        """Return what else is known of the vehicle."""
         name, start_s, length_s = _PIECES[self.base]
-        if not self.knows_attitude and not self.place:
-            return None
-        told = shifted(name, start_s, delay_s=self.delay_s) if self.knows_attitude else GatherOptions()
+        known = shifted(name, start_s, delay_s=self.delay_s) if self.knows_attitude else VehicleData()
         if not self.place:
-            return told
+            return known
         (poses,) = pose_tracks(seen_in(piece(name, start_s, length_s)))
         time_us, ned_m = poses.track.arrival_us, poses.pos_m * (self.place == "flown") + np.array([5.0, -3.0, 2.0])
         position = PositionSeries("SIM", time_us, ned_m, 0.05)
-        return replace(told, position=position, level=LevelSeries("SIM", time_us, ned_m[:, 2], 0.05))
+        return replace(known, position=position, level=LevelSeries("SIM", time_us, ned_m[:, 2], 0.05))
 
 
 def _case(name: str, base: str, faults: str, *expected: str, **params: float) -> Case:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evidence made of messages alone, without a trial: for checks that look at what is sent."""
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -14,12 +15,12 @@ from ap_visualodom.verdicts import CONSUMED
 from ekf_stub.reports.aiding_mode import AidingMode
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
-from viso.doctor import CHECKS, Evidence, Finding, SeenMessage, diagnose
+from viso.doctor import CHECKS, Evidence, Finding, HandledMessage, diagnose
 from viso.doctor.evidence.compare import compare
-from viso.doctor.evidence.evidence import vision_of
-from viso.doctor.evidence.motion import motions_of
-from viso.doctor.evidence.tracks import pose_tracks, stamped_tracks, velocity_tracks
-from viso.doctor.evidence.vehicle_data import AttitudeSeries
+from viso.doctor.evidence.set_up import SetUp
+from viso.doctor.evidence.stream_data import stream_data
+from viso.doctor.evidence.trial import Trial
+from viso.doctor.evidence.vehicle_data import AttitudeSeries, VehicleData
 from viso.firmware.releases import REFERENCE
 from viso.streams.stream_kinds import Stream
 from viso.vehicle.outcomes.watch import AidingSpan
@@ -54,15 +55,15 @@ def speed(stamp_us: int, **fields: Any) -> VISION_SPEED_ESTIMATE:
     return VISION_SPEED_ESTIMATE(stamp_us, **{**dict.fromkeys("xyz", 0.0), **fields})
 
 
-def seen(number: int, arrival_us: int, message: Message, verdict: Verdict = CONSUMED, **fields: Any) -> SeenMessage:
+def seen(number: int, arrival_us: int, message: Message, verdict: Verdict = CONSUMED, **fields: Any) -> HandledMessage:
     """Return a message of 1/197 that came with the sequence number of its own number."""
     values: dict[str, Any] = {"system_id": 1, "component_id": 197, "sequence": number % 256, "version": 2}
     values |= {"name": type(message).__name__, "frame": b"%d" % number, "records": (), "samples": (), **fields}
-    return SeenMessage(number=number, arrival_us=arrival_us, message=message, verdict=verdict, **values)
+    return HandledMessage(number=number, arrival_us=arrival_us, message=message, verdict=verdict, **values)
 
 
 def evidence_of(
-    messages: Sequence[SeenMessage],
+    messages: Sequence[HandledMessage],
     params: Mapping[str, float] | None = None,
     attitude: AttitudeSeries | None = None,
     **fields: Any,
@@ -74,46 +75,43 @@ def evidence_of(
 
 
 def _evidence(
-    messages: Sequence[SeenMessage],
+    messages: Sequence[HandledMessage],
     all_params: Mapping[str, float],
     attitude: AttitudeSeries | None,
     fields: Mapping[str, Any],
 ) -> Evidence:
-    vision = vision_of(tuple(messages))
-    poses, velocities = pose_tracks(vision), velocity_tracks(vision)
+    sent = stream_data(Stream("made", ()), tuple(messages))
+    aiding = (AidingSpan(0, START_US, AidingMode.NONE), AidingSpan(START_US, 2 * START_US, AidingMode.ABSOLUTE))
     made = Evidence(
-        name="made",
-        firmware=REFERENCE,
-        messages=tuple(messages),
-        tracks=stamped_tracks(vision),
-        poses=poses,
-        velocities=velocities,
-        motions=motions_of(poses, velocities),
-        attitude=attitude,
-        height=None,
-        comparisons=compare(poses, vision, attitude, all_params),
-        params=all_params,
-        assumed=(),
-        changes=(),
-        texts=(),
-        vehicle_texts=(),
-        aiding=(AidingSpan(0, START_US, AidingMode.NONE), AidingSpan(START_US, 2 * START_US, AidingMode.ABSOLUTE)),
-        innovations={},
-        end_us=messages[-1].arrival_us if messages else 0,
-        notes=(),
-        vision=vision,
+        stream=sent,
+        vehicle=VehicleData(attitude=attitude),
+        set_up=SetUp(REFERENCE, is_complete=True),
+        trial=Trial(all_params, aiding=aiding),
+        comparisons=compare(sent.poses, sent.vision, attitude, all_params),
     )
-    return replace(made, **fields)
+    return changed(made, **fields)
 
 
-def stream_of(messages: Sequence[Message], period_us: int = 40_000) -> list[SeenMessage]:
+def changed(evidence: Evidence, **fields: Any) -> Evidence:
+    """Return evidence with other values of some fields of it or its parts; ``params`` and ``texts`` are the trial's."""
+    own = {field.name for field in dataclasses.fields(evidence)}
+    whole = {name: fields.pop(name) for name in own & fields.keys()}
+    for part in ("trial", "stream", "set_up", "vehicle"):
+        value = whole.get(part, getattr(evidence, part))
+        of_part = {field.name for field in dataclasses.fields(value)} & fields.keys()
+        whole[part] = replace(value, **{name: fields.pop(name) for name in of_part})
+    assert not fields, fields
+    return replace(evidence, **whole)
+
+
+def stream_of(messages: Sequence[Message], period_us: int = 40_000) -> list[HandledMessage]:
     """Return messages that came at a steady rate."""
     return [seen(number + 1, START_US + number * period_us, message) for number, message in enumerate(messages)]
 
 
-def seen_in(stream: Stream) -> list[SeenMessage]:
+def seen_in(stream: Stream) -> list[HandledMessage]:
     """Return the messages of a stream as if every one had been accepted."""
-    codec, found = Codec(0, 0), list[SeenMessage]()
+    codec, found = Codec(0, 0), list[HandledMessage]()
     for one in stream.messages:
         codec.feed(one.frame)
         while (received := codec.next_received()) is not None:

@@ -19,7 +19,7 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     Message,
 )
-from viso.doctor import CHECKS, Evidence, Finding, GatherOptions, diagnose, gather
+from viso.doctor import CHECKS, Evidence, Finding, diagnose, gather
 from viso.faults import inject, parse_timeline
 from viso.streams.stream import Stream, StreamMessage
 
@@ -138,7 +138,7 @@ def with_fault(frames: Sequence[Timed], fault: str) -> list[Timed]:
 def evidence_of(frames: Iterable[Timed]) -> Evidence:
     """Return what the doctor gathers of frames."""
     stream = Stream("made", tuple(StreamMessage(time_us, frame) for time_us, frame in frames))
-    return gather(stream, GatherOptions(is_tried=False))
+    return gather(stream, is_tried=False)
 
 
 def findings_of(evidence: Evidence) -> list[Finding]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mav_handlers.wire.codec import Codec, Received
 from tests.places import DATA
-from viso.doctor import CHECKS, Evidence, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor import CHECKS, Evidence, Finding, Severity, VehicleData, diagnose, gather
 from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries, vehicle_of_log
 from viso.faults import inject, parse_timeline
 from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
@@ -72,19 +72,19 @@ def faulty(stream: Stream, faults: str, seed: int = 1) -> Stream:
     return Stream(stream.name, tuple(StreamMessage(at, frame) for at, frame in changed), stream.params)
 
 
-def shifted(name: str, start_s: float, *, delay_s: float = 0.0) -> GatherOptions:
-    """Return options with the attitude that the vehicle's log holds for a piece."""
+def shifted(name: str, start_s: float, *, delay_s: float = 0.0) -> VehicleData:
+    """Return attitude and height that the vehicle's log holds for a piece."""
     attitude, height = log_of(name)
     by_us = LEAD_US - int(start_s * 1e6) - int(delay_s * 1e6)
     moved_height = None if height is None else HeightSeries(height.time_us + by_us, height.down_m)
     series = AttitudeSeries(attitude.time_us + by_us, np.asarray(attitude.euler_rad))
     keep = series.time_us > 0
-    return GatherOptions(attitude=AttitudeSeries(series.time_us[keep], series.euler_rad[keep]), height=moved_height)
+    return VehicleData(attitude=AttitudeSeries(series.time_us[keep], series.euler_rad[keep]), height=moved_height)
 
 
-def examine(stream: Stream, options: GatherOptions | None = None) -> tuple[Evidence, list[Finding]]:
+def examine(stream: Stream, vehicle: VehicleData | None = None) -> tuple[Evidence, list[Finding]]:
     """Return what the doctor finds."""
-    evidence = gather(stream, options)
+    evidence = gather(stream, vehicle=vehicle or VehicleData())
     return evidence, diagnose(evidence, CHECKS)
 
 

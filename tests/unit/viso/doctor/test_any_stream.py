@@ -16,7 +16,7 @@ from ap_core.verdict import Verdict
 from mav_handlers.verdicts import ALL_VERDICTS
 from mav_handlers.wire.messages import ATT_POS_MOCAP, VICON_POSITION_ESTIMATE, VISION_POSITION_DELTA, Message
 from tests.unit.viso.conftest import odometry
-from tests.unit.viso.doctor.evidences import START_US, evidence_of, pose, seen, speed
+from tests.unit.viso.doctor.evidences import START_US, changed, evidence_of, pose, seen, speed
 from viso.doctor import CHECKS, Evidence, Severity, diagnose
 from viso.doctor.evidence.flow_fit import fit_flow
 from viso.doctor.evidence.ground_sensors import FlowSeries, GroundSensors, RangeSeries
@@ -102,7 +102,7 @@ def test_checks_and_outputs_take_whatever_comes(
         times = START_US + np.arange(0, 200) * 50_000
         ned_m = data.draw(st.sampled_from([1.0, 0.0])) * np.column_stack([np.cos(times * 1e-6 + n) for n in range(3)])
         level = LevelSeries("BARO", times, ned_m[:, 2], 1.5)
-        made = replace(made, position=PositionSeries("SIM", times, 5 * ned_m, 0.05), level=level)
+        made = changed(made, position=PositionSeries("SIM", times, 5 * ned_m, 0.05), level=level)
     take(made)
 
 

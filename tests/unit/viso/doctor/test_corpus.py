@@ -3,14 +3,13 @@
 """Every planted defect is found by its code, and clean streams give no warning."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
 import pytest
 
 from tests.unit.viso.doctor.corpus import CLEAN, CORPUS, ODOMETRY, POSE, SPEED, Case
-from tests.unit.viso.doctor.evidences import evidence_of, seen_in
+from tests.unit.viso.doctor.evidences import changed, evidence_of, seen_in
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, recording, shifted
-from viso.doctor import CHECKS, Finding, GatherOptions, Severity, diagnose
+from viso.doctor import CHECKS, Finding, Severity, diagnose
 
 BY_THE_VEHICLE = {
     *("XN1-04", "XN1-06", "XN1-08", "XN1-09", "XN2-01", "XN4-06", "XN4-07", "XN6-07", "XN6-08", "XN7-01", "XN7-02"),
@@ -44,11 +43,11 @@ def _sent(case: Case) -> list[Finding]:
 
     Where it does not matter what else is found, checks of other families are left out: no check depends on another.
     """
-    stream, options = case.stream(), case.options() or GatherOptions()
-    made = evidence_of(seen_in(stream), stream.params, options.attitude)
+    stream, vehicle = case.stream(), case.vehicle()
+    made = evidence_of(seen_in(stream), stream.params, vehicle.attitude)
     families = {code.partition("-")[0] for code in case.expected}
     checks = CHECKS if case.first or not families else [check for check in CHECKS if check.family in families]
-    return diagnose(replace(made, position=options.position, level=options.level), checks)
+    return diagnose(changed(made, position=vehicle.position, level=vehicle.level), checks)
 
 
 def _holds(case: Case, findings: list[Finding]) -> bool:
@@ -79,7 +78,7 @@ def test_corpus_is_large_and_its_names_are_unique() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("case", _named(case for case in CORPUS if case not in AGAIN))
 def test_planted_defect_is_found(case: Case) -> None:
-    _, findings = examine(case.stream(), case.options())
+    _, findings = examine(case.stream(), case.vehicle())
     assert _holds(case, findings)
     assert case.first != "XN3-12" or not codes(findings) & LATENESS
 
@@ -87,7 +86,7 @@ def test_planted_defect_is_found(case: Case) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CLEAN, ids=lambda case: case.name)
 def test_clean_stream_gives_no_warning(case: Case) -> None:
-    _, findings = examine(case.stream(), case.options())
+    _, findings = examine(case.stream(), case.vehicle())
     assert codes(findings, Severity.WARNING) == set()
 
 
@@ -95,8 +94,8 @@ def test_clean_stream_gives_no_warning(case: Case) -> None:
 @pytest.mark.parametrize("name", ["flight_t265", "flight_mav_extyaw", "voxl"])
 @pytest.mark.parametrize("knows_attitude", [False, True])
 def test_clean_capture_gives_no_warning(name: str, knows_attitude: bool) -> None:
-    options = shifted(name, LEAD_US * 1e-6) if knows_attitude else None
-    _, findings = examine(recording(name), options)
+    vehicle = shifted(name, LEAD_US * 1e-6) if knows_attitude else None
+    _, findings = examine(recording(name), vehicle)
     assert codes(findings, Severity.WARNING) == set()
 
 

@@ -3,10 +3,10 @@
 """VISO_DELAY_MS is recovered from a recorded flight, and from delays made of it."""
 
 import re
-from dataclasses import replace
 
 import pytest
 
+from tests.unit.viso.doctor.evidences import changed
 from tests.unit.viso.doctor.streams import piece, shifted
 from viso.doctor import CHECKS, Evidence, diagnose, gather
 from viso.doctor.evidence.compare import compare
@@ -32,18 +32,18 @@ def flight(request: pytest.FixtureRequest) -> Evidence:
     The usual run only listens, and has no vehicle that tries it.
     """
     baud, is_tried = request.param
-    options = replace(shifted("flight_t265", START_S), baud=baud, is_tried=is_tried)
-    return gather(piece("flight_t265", START_S, 12.0), options)
+    vehicle = shifted("flight_t265", START_S)
+    return gather(piece("flight_t265", START_S, 12.0), vehicle=vehicle, baud=baud, is_tried=is_tried)
 
 
 def advised_ms(flight: Evidence, delay_ms: int, setting_ms: float) -> list[int]:
     """Return the values in the advice, if the vehicle had moved so much earlier, and VISO_DELAY_MS were set so."""
-    assert flight.attitude is not None
-    earlier_us = flight.attitude.time_us - (delay_ms - SET_MS) * 1000
-    attitude = AttitudeSeries(earlier_us, flight.attitude.euler_rad)
-    params = {**flight.params, "VISO_DELAY_MS": setting_ms}
-    compared = compare(flight.poses, flight.vision, attitude, params)
-    evidence = replace(flight, attitude=attitude, params=params, comparisons=compared)
+    assert flight.vehicle.attitude is not None
+    earlier_us = flight.vehicle.attitude.time_us - (delay_ms - SET_MS) * 1000
+    attitude = AttitudeSeries(earlier_us, flight.vehicle.attitude.euler_rad)
+    params = {**flight.trial.params, "VISO_DELAY_MS": setting_ms}
+    compared = compare(flight.stream.poses, flight.stream.vision, attitude, params)
+    evidence = changed(flight, attitude=attitude, params=params, comparisons=compared)
     fixes = [one.fix for one in diagnose(evidence, CHECKS) if one.code == "XN3-11"]
     return [int(value) for fix in fixes for value in re.findall(r"\bto (\d+)\b", fix)]
 

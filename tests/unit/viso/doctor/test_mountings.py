@@ -10,7 +10,7 @@ import pytest
 from ap_visualodom.var_info import VAR_INFO
 from tests.places import DATA
 from tests.unit.viso.command_line import Viso
-from tests.unit.viso.doctor.evidences import evidence_of, seen_in
+from tests.unit.viso.doctor.evidences import changed, evidence_of, seen_in
 from tests.unit.viso.doctor.streams import codes, examine, faulty, piece, shifted
 from viso.doctor import CHECKS, Evidence, Finding, Severity, diagnose
 from viso.doctor.evidence.compare import compare
@@ -38,11 +38,11 @@ def mounted(orient: int) -> Evidence:
     return evidence_of(seen_in(stream), stream.params, shifted("flight_t265", START_S).attitude)
 
 
-def with_params(evidence: Evidence, **changed: float) -> dict[str, Finding]:
+def with_params(evidence: Evidence, **others: float) -> dict[str, Finding]:
     """Return what is found if parameters were others."""
-    params = {**evidence.params, **changed}
-    compared = compare(evidence.poses, evidence.vision, evidence.attitude, params)
-    findings = diagnose(replace(evidence, params=params, comparisons=compared), CHECKS)
+    params = {**evidence.trial.params, **others}
+    compared = compare(evidence.stream.poses, evidence.stream.vision, evidence.vehicle.attitude, params)
+    findings = diagnose(changed(evidence, params=params, comparisons=compared), CHECKS)
     return {finding.code: finding for finding in findings}
 
 

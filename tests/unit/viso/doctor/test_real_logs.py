@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from tests.places import DATA
-from viso.doctor import CHECKS, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor import CHECKS, Finding, Severity, diagnose, gather
 from viso.streams.stream_kinds import TrajectoryOptions, read_whole_stream
 
 REAL = DATA / "real"
@@ -117,7 +117,7 @@ RECORDINGS = (
 def findings_in(recording: Recording) -> list[Finding]:
     options = TrajectoryOptions(topic=recording.topic)
     stream = read_whole_stream(REAL / recording.name, LEAD_US, options)
-    return diagnose(gather(stream, GatherOptions(filter_s=120.0)), CHECKS)
+    return diagnose(gather(stream, filter_s=120.0), CHECKS)
 
 
 @pytest.mark.slow

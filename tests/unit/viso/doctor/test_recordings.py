@@ -122,7 +122,7 @@ def _marks(file: File) -> object:
 def test_defect_is_found_in_a_file(file: File, tmp_path: Path) -> None:
     stream = file.case.stream()
     path = WRITERS[file.format](tmp_path, rows_of(stream))
-    _, findings = examine(read_whole_stream(path, LEAD_US, _OWN), file.case.options())
+    _, findings = examine(read_whole_stream(path, LEAD_US, _OWN), file.case.vehicle())
     found = codes(findings)
     assert file.expected <= found
     assert not found & NEVER_FROM_FILES
@@ -138,7 +138,7 @@ def test_clean_file_gives_no_warning(form: str, base: str, tmp_path: Path) -> No
     # Written in the axes of ROS, which are those that --axes means unless told otherwise.
     case = Case("clean", base, "", frozenset(), knows_attitude=base == SPEED)
     path = WRITERS[form](tmp_path, as_ros(rows_of(case.stream())))
-    _, findings = examine(read_whole_stream(path, LEAD_US), case.options())
+    _, findings = examine(read_whole_stream(path, LEAD_US), case.vehicle())
     assert codes(findings, Severity.WARNING) == set()
 
 
@@ -146,7 +146,7 @@ def test_clean_file_gives_no_warning(form: str, base: str, tmp_path: Path) -> No
 def test_vehicle_of_another_time_is_left_out_of_account(tmp_path: Path) -> None:
     case = Case("clean", ODOMETRY, "", frozenset(), knows_attitude=True, delay_s=5.0)
     path = WRITERS["euroc"](tmp_path, rows_of(case.stream()))
-    evidence, findings = examine(read_whole_stream(path, LEAD_US, _OWN), case.options())
+    evidence, findings = examine(read_whole_stream(path, LEAD_US, _OWN), case.vehicle())
     assert "the vehicle turns otherwise, or at other times (--lead)" in evidence.notes[-1]
     assert codes(findings, Severity.WARNING) == set()
 

@@ -28,7 +28,7 @@ from tests.unit.viso.doctor.vehicles import (
     recorded,
     transferred,
 )
-from viso.doctor import CHECKS, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor import CHECKS, Finding, Severity, diagnose, gather
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, REFERENCE, STABLE_4_6
 from viso.streams.heard import params_heard, version_heard
 from viso.streams.stream import Stream
@@ -103,9 +103,9 @@ def test_what_asks_is_named(tmp_path: Path) -> None:
 def test_nothing_is_tried_without_external_navigation(tmp_path: Path) -> None:
     attitudes = [(AUTOPILOT, ATTITUDE(time_ms, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)) for time_ms in range(0, 60_000, 1000)]
     evidence = gather(recorded(tmp_path, beats(), listed(READY), attitudes))
-    assert (evidence.messages, evidence.texts) == ((), ())
-    assert evidence.kinds["ATTITUDE"] == 60
-    assert evidence.attitude is not None
+    assert (evidence.stream.messages, evidence.trial.texts) == ((), ())
+    assert evidence.stream.kinds["ATTITUDE"] == 60
+    assert evidence.vehicle.attitude is not None
 
 
 # Parameters by FTP
@@ -152,14 +152,14 @@ def test_release_that_flew_chooses_the_profile(
     tmp_path: Path, banner: str, names: tuple[str, ...], expected: object
 ) -> None:
     params = {**READY, **dict.fromkeys(names, 0.0)}
-    assert gather(recorded(tmp_path, beats(banner=banner), listed(params))).firmware is expected
-    assert gather(read_whole_stream(logged(tmp_path, params, banner), 0)).firmware is expected
+    assert gather(recorded(tmp_path, beats(banner=banner), listed(params))).set_up.firmware is expected
+    assert gather(read_whole_stream(logged(tmp_path, params, banner), 0)).set_up.firmware is expected
 
 
 def test_profile_that_is_given_wins(tmp_path: Path) -> None:
     stream = recorded(tmp_path, beats(banner="ArduCopter V4.5.7"), listed(READY))
-    evidence = gather(stream, GatherOptions(firmware=FEBRUARY_2026))
-    assert evidence.firmware is FEBRUARY_2026
+    evidence = gather(stream, firmware=FEBRUARY_2026)
+    assert evidence.set_up.firmware is FEBRUARY_2026
     assert evidence.system_id == 1
 
 
@@ -212,4 +212,4 @@ def test_recordings_of_others(name: str, expected: list[str], firmware: str, not
     evidence, findings = gather(stream), found(stream)
     assert [finding.code for finding in findings] == expected
     assert {finding.severity for finding in findings} == {Severity.NOTE if expected == ["XN7-17"] else Severity.ERROR}
-    assert (evidence.firmware.name, len(evidence.notes)) == (firmware, notes)
+    assert (evidence.set_up.firmware.name, len(evidence.notes)) == (firmware, notes)

@@ -17,6 +17,7 @@ from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.corpus import CORPUS
 from tests.unit.viso.doctor.evidences import (
     START_US,
+    changed,
     evidence_of,
     findings_of,
     pose,
@@ -26,8 +27,8 @@ from tests.unit.viso.doctor.evidences import (
 )
 from viso.doctor import CHECKS, Finding, Severity
 from viso.doctor.checks import FAMILIES
-from viso.doctor.evidence.evidence import Assumed
-from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries, ParamChange
+from viso.doctor.evidence.set_up import Assumed
+from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries, ParamChange, VehicleData
 from viso.estimators.turning import quats_of_euler
 from viso.firmware.flown import version_in
 from viso.firmware.releases import PROFILES
@@ -163,8 +164,8 @@ def test_check_says_nothing_of_what_the_recording_does_not_hold() -> None:
     stamps_back = [odometry(1 + 40_000 * number - 900_000 * (number >= 50)) for number in range(100)]
     made = evidence_of(stream_of([replace(one, reset_counter=number % 2) for number, one in enumerate(stamps_back)]))
     assert "XN6-04" in findings_of(made)
-    assert "XN6-04" not in findings_of(replace(made, lacks=frozenset({Aspect.RESETS})))
-    assert "XN3-03" in findings_of(replace(made, lacks=frozenset(Aspect)))
+    assert "XN6-04" not in findings_of(changed(made, lacks=frozenset({Aspect.RESETS})))
+    assert "XN3-03" in findings_of(changed(made, lacks=frozenset(Aspect)))
 
 
 def test_height_that_grows_downwards_is_told() -> None:
@@ -374,7 +375,7 @@ def test_texts_of_the_autopilot_itself_are_told() -> None:
         (START_US + 2, 6, "EKF3 IMU0 is using external nav data"),
         (START_US + 3, 2, "Crash: Disarming"),
     )
-    finding = findings_of(evidence_of(stream_of(still()), vehicle_texts=texts))["XN9-06"]
+    finding = findings_of(evidence_of(stream_of(still()), vehicle=VehicleData(texts=texts)))["XN9-06"]
     assert finding.evidence.endswith('your autopilot said "PreArm: VisOdom: not healthy", 2 times')
 
 
@@ -385,7 +386,7 @@ def test_velocity_that_lags_the_path_by_clock_is_left_alone() -> None:
         for number in range(100)
         for message in (pose(1 + number * 40_000, x=0.1 * number), speed(99_000_000 + number * 40_000, x=-2.5))
     ]
-    assert evidence_of(stream_of(messages, 20_000)).motions == ()
+    assert evidence_of(stream_of(messages, 20_000)).stream.motions == ()
 
 
 def test_messages_of_two_ids_that_share_sequence_numbers_are_not_lost() -> None:
@@ -397,7 +398,7 @@ def test_messages_of_two_ids_that_share_sequence_numbers_are_not_lost() -> None:
 def test_before_4_1_ekf2_is_the_one_that_takes_external_navigation() -> None:
     old = version_in("ArduCopter V4.0.7")
     messages = stream_of(still())
-    assert "XN7-12" not in findings_of(evidence_of(messages, told={"AHRS_EKF_TYPE": 2.0}, flown=old))
-    found = findings_of(evidence_of(messages, told={"AHRS_EKF_TYPE": 3.0}, flown=old))["XN7-12"]
+    assert "XN7-12" not in findings_of(evidence_of(messages, known={"AHRS_EKF_TYPE": 2.0}, flown=old))
+    found = findings_of(evidence_of(messages, known={"AHRS_EKF_TYPE": 3.0}, flown=old))["XN7-12"]
     assert "before 4.1 no other estimator than EKF2" in found.evidence
     assert "AHRS_EKF_TYPE 2" in found.fix

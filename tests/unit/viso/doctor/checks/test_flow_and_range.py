@@ -11,8 +11,9 @@ import pytest
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW, SYS_STATUS
 from tests.places import DATA, SHARED
+from tests.unit.viso.doctor.evidences import changed
 from tests.unit.viso.doctor.ground_flights import Timed, evidence_of, findings_of, flight, with_fault
-from viso.doctor import CHECKS, Evidence, Finding, GatherOptions, Severity, diagnose, gather
+from viso.doctor import CHECKS, Evidence, Finding, Severity, diagnose, gather
 from viso.doctor.evidence.flow_fit import fit_flow
 from viso.doctor.evidence.ground_sensors import FlowSeries, GroundSensors, driven
 from viso.doctor.evidence.own_filter import Witness
@@ -155,10 +156,10 @@ def test_health_of_sensors_that_are_not_heard(healthy: int, found: Mapping[str, 
 
 
 def test_what_is_sent_in_flow_rate_alone_is_not_read(sound: Evidence) -> None:
-    (flow,) = sound.ground.flows
+    (flow,) = sound.vehicle.ground.flows
     assert flow.units is not None
     sent = replace(flow, rate=np.zeros_like(flow.rate), sent_rate=flow.rate)
-    finding = found_in(replace(sound, ground=replace(sound.ground, flows=(sent,))))["XNF-09"]
+    finding = found_in(changed(sound, ground=replace(sound.vehicle.ground, flows=(sent,))))["XNF-09"]
     assert "takes 0 times as much" in finding.evidence
     assert finding.severity is Severity.ERROR
 
@@ -194,7 +195,7 @@ def test_flow_is_no_source_of_a_position() -> None:
 
 def turning_seen(sound: Evidence) -> Floats:
     """Return the vehicle's turning about x and y when its flow sensor said something."""
-    turning, time_us = sound.ground.turning, sound.ground.flows[0].time_us
+    turning, time_us = sound.vehicle.ground.turning, sound.vehicle.ground.flows[0].time_us
     return np.column_stack([np.interp(time_us, turning[:, 0], axis) for axis in turning[:, 1:3].T])
 
 
@@ -202,7 +203,7 @@ def test_telemetry_of_the_autopilot_is_slower_than_its_sensors(sound: Evidence) 
     """OPTICAL_FLOW and DISTANCE_SENSOR that the autopilot itself sends, twice a second."""
     codec = Codec(1, 1)
     frames = flight(without=("OPTICAL_FLOW", "DISTANCE_SENSOR", "VISION_POSITION_ESTIMATE"))
-    (flow,), (down,), body = sound.ground.flows, sound.ground.ranges, turning_seen(sound)
+    (flow,), (down,), body = sound.vehicle.ground.flows, sound.vehicle.ground.ranges, turning_seen(sound)
     for number in range(0, len(flow), 10):
         (x, y), (own_x, own_y) = flow.rate[number].tolist(), body[number].tolist()
         told = OPTICAL_FLOW(0, 0, 0, 0, x - own_x, y - own_y, 180, 1.0, x, y)
@@ -212,19 +213,19 @@ def test_telemetry_of_the_autopilot_is_slower_than_its_sensors(sound: Evidence) 
         frames.append((int(down.time_us[number]), codec.encode(range_told)))
     evidence = evidence_of(sorted(frames, key=lambda frame: frame[0]))
     assert [finding.code for finding in findings_of(evidence)] == ["XNF-14"]
-    assert evidence.ground.flows[0].body == pytest.approx(body[::10], abs=1e-6)
+    assert evidence.vehicle.ground.flows[0].body == pytest.approx(body[::10], abs=1e-6)
 
 
 def of_log(sound: Evidence, body_factor: float = 1.0, check: Floats | None = None) -> Evidence:
     """Return the flight as a log has it, whose sensor has a gyro."""
-    own = sound.own_filter
+    own = sound.vehicle.own_filter
     assert own is not None
-    (said,) = sound.ground.flows
+    (said,) = sound.vehicle.ground.flows
     body = body_factor * turning_seen(sound)
     flow = FlowSeries("OF", said.time_us, said.rate, body, said.quality, np.zeros(0, np.int64))
-    ground = replace(sound.ground, flows=(flow,), check=sound.ground.check if check is None else check)
-    fits = fit_flow(ground, sound.attitude, sound.height, sound.position, uses_flow=True)
-    return replace(sound, ground=ground, flow_fits=fits, own_filter=replace(own, witness=Witness.LOG))
+    ground = replace(sound.vehicle.ground, flows=(flow,), check=sound.vehicle.ground.check if check is None else check)
+    fits = fit_flow(ground, sound.vehicle.attitude, sound.vehicle.height, sound.vehicle.position, uses_flow=True)
+    return changed(sound, ground=ground, flow_fits=fits, own_filter=replace(own, witness=Witness.LOG))
 
 
 @pytest.mark.parametrize(
@@ -236,17 +237,17 @@ def test_gyro_of_the_sensor_that_disagrees_is_named(sound: Evidence, factor: flo
 
 
 def test_noise_takes_nothing_from_the_scale(sound: Evidence) -> None:
-    (flow,) = sound.ground.flows
+    (flow,) = sound.vehicle.ground.flows
     noisy = replace(flow, rate=flow.rate + np.random.default_rng(1).normal(0.0, 0.15, flow.rate.shape))
-    ground = replace(sound.ground, flows=(noisy,))
-    (fit,) = fit_flow(ground, sound.attitude, sound.height, sound.position, uses_flow=True)
+    ground = replace(sound.vehicle.ground, flows=(noisy,))
+    (fit,) = fit_flow(ground, sound.vehicle.attitude, sound.vehicle.height, sound.vehicle.position, uses_flow=True)
     assert fit.is_judged
     assert min(fit.explained) < 0.9
     assert fit.factors == pytest.approx((1, 1), abs=0.05)
 
 
 def test_flow_that_the_vehicle_itself_rejected_is_named(sound: Evidence) -> None:
-    time_us = sound.ground.turning[::5, 0]
+    time_us = sound.vehicle.ground.turning[::5, 0]
     check = np.column_stack([time_us, np.where(np.arange(len(time_us)) % 2, 2.5, 0.1), np.full(len(time_us), 3.0)])
     finding = found_in(of_log(sound, check=check))["XNF-13"]
     assert "(50 %) records in flight" in finding.evidence
@@ -254,20 +255,20 @@ def test_flow_that_the_vehicle_itself_rejected_is_named(sound: Evidence) -> None
 
 
 def test_what_a_log_does_not_hold_is_no_fault(sound: Evidence) -> None:
-    nothing = replace(of_log(sound), ground=GroundSensors(), flow_fits=())
-    asking = replace(nothing, params={**nothing.params, "EK3_SRC1_POSZ": 2.0})
+    nothing = changed(of_log(sound), ground=GroundSensors(), flow_fits=())
+    asking = changed(nothing, params={**nothing.trial.params, "EK3_SRC1_POSZ": 2.0})
     assert {code: one.severity for code, one in found_in(asking).items()} == {
         "XNF-14": Severity.NOTE,
         "XNR-09": Severity.NOTE,
     }
-    logged = replace(asking, told={**asking.told, "LOG_BITMASK": 65535.0})
+    logged = changed(asking, known={**asking.set_up.known, "LOG_BITMASK": 65535.0})
     assert {"XNF-01", "XNF-12", "XNR-01"} == set(found_in(logged))
 
 
 def test_log_of_replay_records_alone_has_ranges() -> None:
     path = DATA / "logs" / "flow_take_off.BIN.xz"
-    evidence = gather(read_whole_stream(path, 0), GatherOptions(is_tried=False).beside(vehicle_of_log(path)))
-    assert [(one.origin, one.looks_down, bool(one.is_good.any())) for one in evidence.ground.ranges] == [
+    evidence = gather(read_whole_stream(path, 0), vehicle=vehicle_of_log(path), is_tried=False)
+    assert [(one.origin, one.looks_down, bool(one.is_good.any())) for one in evidence.vehicle.ground.ranges] == [
         ("RRNI", True, True)
     ]
     assert {finding.code for finding in findings_of(evidence)} == {"XNF-14"}
@@ -288,7 +289,6 @@ def test_log_of_replay_records_alone_has_ranges() -> None:
 )
 def test_flights_of_the_firmware(name: str, told: Mapping[str, str]) -> None:
     path = LOGS / f"{name}.BIN.xz"
-    options = GatherOptions(is_tried=False).beside(vehicle_of_log(path))
-    found = found_in(gather(read_whole_stream(path, 0), options))
+    found = found_in(gather(read_whole_stream(path, 0), vehicle=vehicle_of_log(path), is_tried=False))
     assert set(found) == set(told)
     assert all(said in found[code].evidence for code, said in told.items())

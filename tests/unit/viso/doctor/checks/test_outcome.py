@@ -11,14 +11,14 @@ from ap_visualodom.verdicts import QUALITY_BELOW_MIN
 from ekf_stub.inputs.ingest_rules import FUSED, GATE_POSITION, FilterOutcome
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, seen
-from viso.doctor import Finding, SeenMessage, Severity
+from viso.doctor import Finding, HandledMessage, Severity
 from viso.vehicle.outcomes.samples import HandedSample
 from viso.vehicle.outcomes.watch import Innovations, SampleTest
 
 PERIOD_US = 40_000
 
 
-def message(number: int, rule: Rule | None) -> SeenMessage:
+def message(number: int, rule: Rule | None) -> HandledMessage:
     """Return a message whose pose had a fate in the filter, or which was withheld."""
     at_us = START_US + number * PERIOD_US
     told = odometry(number * PERIOD_US + 1, x=0.02 * number)

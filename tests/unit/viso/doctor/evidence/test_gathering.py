@@ -13,7 +13,7 @@ from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, HEARTBEAT, PAR
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import SETUP
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine
-from viso.doctor import Evidence, GatherOptions, SeenMessage, Severity, diagnose, gather
+from viso.doctor import Evidence, HandledMessage, Severity, diagnose, gather
 from viso.doctor.checks import CHECKS
 from viso.doctor.output.summary import summarise
 from viso.errors import InputError
@@ -55,12 +55,12 @@ def autopilot(system: int) -> list[tuple[int, int, int, Message]]:
 @cache
 def tried(filter_s: float = math.inf) -> Evidence:
     """Return what came of a companion's stream that fits."""
-    return gather(stream_of(companion(), dict(SETUP)), GatherOptions(filter_s=filter_s))
+    return gather(stream_of(companion(), dict(SETUP)), filter_s=filter_s)
 
 
 def test_messages_carry_verdict_records_and_fates() -> None:
-    assert [one.number for one in tried(60.0).messages] == list(range(1, 51))
-    late: SeenMessage = tried(60.0).messages[40]
+    assert [one.number for one in tried(60.0).stream.messages] == list(range(1, 51))
+    late: HandledMessage = tried(60.0).stream.messages[40]
     assert (late.name, late.sender, late.version) == ("ODOMETRY", (1, 197), 2)
     assert [name for name, _ in late.records] == ["VISP", "VISV"]
     assert {sample.kind for sample in late.samples} == {"pose", "yaw", "velocity"}
@@ -69,21 +69,21 @@ def test_messages_carry_verdict_records_and_fates() -> None:
 
 def test_parameters_of_a_recording_leave_nothing_to_assume() -> None:
     evidence = gather(stream_of(companion(), {"VISO_TYPE": 0}))
-    assert evidence.assumed == ()
+    assert evidence.set_up.assumed == ()
     assert evidence.viso_type == 0
     assert "XN7-01" in codes(diagnose(evidence, CHECKS))
 
 
 @pytest.mark.slow
 def test_given_parameters_win_over_those_of_the_recording() -> None:
-    evidence = gather(stream_of(companion(), {"VISO_TYPE": 0}), GatherOptions({"VISO_TYPE": 3}))
+    evidence = gather(stream_of(companion(), {"VISO_TYPE": 0}), params={"VISO_TYPE": 3})
     assert evidence.viso_type == 3
 
 
 @pytest.mark.slow
 def test_without_parameters_a_set_up_that_fits_is_assumed() -> None:
     evidence = gather(stream_of(companion()))
-    assumed = {one.name: one.value for one in evidence.assumed}
+    assumed = {one.name: one.value for one in evidence.set_up.assumed}
     assert assumed["VISO_TYPE"] == 1
     assert assumed["EK3_SRC1_POSXY"] == assumed["EK3_SRC1_VELXY"] == 6
     assert summarise(evidence).aiding_from_us is not None
@@ -94,14 +94,14 @@ def test_what_the_autopilot_said_is_told_from_the_companion() -> None:
     evidence = gather(stream_of([*companion(), *autopilot(7)]))
     assert evidence.param("MAV_SYSID") == 7
     assert evidence.viso_type == 1
-    assert [(change.name, change.old, change.new) for change in evidence.changes] == [("VISO_TYPE", 1.0, 2.0)]
-    assert [text for _, _, text in evidence.vehicle_texts] == ["EKF3 IMU0 stopped aiding"]
-    assert evidence.attitude is not None
-    assert len(evidence.attitude) == 40
+    assert [(change.name, change.old, change.new) for change in evidence.vehicle.changes] == [("VISO_TYPE", 1.0, 2.0)]
+    assert [text for _, _, text in evidence.vehicle.texts] == ["EKF3 IMU0 stopped aiding"]
+    assert evidence.vehicle.attitude is not None
+    assert len(evidence.vehicle.attitude) == 40
     # Its own clock, tied to the times of arrival.
-    assert evidence.attitude.time_us[0] == LEAD_US + 3000
-    assert evidence.attitude.euler_rad[0].tolist() == [0.0, 0.0, pytest.approx(1.0)]
-    assert all(one.sender == (1, 197) for one in evidence.vision)
+    assert evidence.vehicle.attitude.time_us[0] == LEAD_US + 3000
+    assert evidence.vehicle.attitude.euler_rad[0].tolist() == [0.0, 0.0, pytest.approx(1.0)]
+    assert all(one.sender == (1, 197) for one in evidence.stream.vision)
 
 
 @pytest.mark.slow
@@ -131,7 +131,7 @@ def test_samples_that_the_buffer_loses_are_told() -> None:
 
 def test_empty_stream_has_no_vision() -> None:
     evidence, findings = examine(Stream("empty", (), dict(SETUP)))
-    assert evidence.messages == ()
+    assert evidence.stream.messages == ()
     assert "XN1-01" in codes(findings)
     assert summarise(evidence).healthy_from_us is None
 
@@ -179,4 +179,4 @@ def test_filter_that_did_not_run_all_the_way_is_told(filter_s: float, is_told: b
     evidence = tried(filter_s)
     told = f"made: the filter (a model) was run over the first {filter_s:g} s of external navigation, to 7.500 s"
     assert (f"{told} (--filter-seconds)" in evidence.notes) == is_told
-    assert len(evidence.vision) == 50
+    assert len(evidence.stream.vision) == 50

@@ -60,7 +60,8 @@ def test_a_stream_beside_a_log_has_the_sensors_of_both() -> None:
     stream, log = logged("OF", OF, {"Qual": 1}), logged("IMU", IMU, {"GyrX": 0.5})
     both = stream.beside(log)
     assert (both.flows, both.turning.tolist()) == (stream.flows, log.turning.tolist())
-    assert stream.beside(None) is stream
+    alone = stream.beside(GroundSensors())
+    assert (alone.flows, alone.ranges, alone.turning is stream.turning) == (stream.flows, stream.ranges, True)
 
 
 def test_flow_is_what_was_handed_over_where_the_driver_logged_none() -> None:

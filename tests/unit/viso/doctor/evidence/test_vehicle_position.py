@@ -22,14 +22,14 @@ from mav_handlers.wire.messages import (
     SCALED_PRESSURE,
 )
 from tests.places import DATA
-from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, pose, stream_of
+from tests.unit.viso.doctor.evidences import START_US, changed, evidence_of, findings_of, pose, stream_of
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, faulty, piece, shifted
 from tests.unit.viso.report.log_maker import LogMaker
 from viso.doctor import Finding, Severity
 from viso.doctor.evidence.compare import compare_paths
-from viso.doctor.evidence.gathering import GatherOptions, gather
+from viso.doctor.evidence.gathering import gather
 from viso.doctor.evidence.tracks import Floats
-from viso.doctor.evidence.vehicle_data import listen, vehicle_of_log
+from viso.doctor.evidence.vehicle_data import VehicleData, listen, vehicle_of_log
 from viso.doctor.evidence.vehicle_position import (
     PositionListener,
     PositionSeries,
@@ -66,7 +66,7 @@ def found_for(sent_m: Floats, vehicle_m: Floats, **params: float) -> Mapping[str
     made = evidence_of(stream_of(messages, PERIOD_US), {"EK3_SRC1_YAW": 1, **params})
     times = START_US + PERIOD_US * np.arange(0, COUNT, 5)
     position = PositionSeries("GPS_RAW_INT", times, vehicle_m[::5])
-    return findings_of(replace(made, paths=compare_paths(made.poses, position, (), made.params)))
+    return findings_of(changed(made, paths=compare_paths(made.stream.poses, position, (), made.trial.params)))
 
 
 @pytest.mark.parametrize("scale", [0.8, 1.1, 1.5])
@@ -116,7 +116,7 @@ def test_axes_that_nothing_else_tells_are_not_judged(has_path: bool, moves: int,
     messages = tuple(map(StreamMessage, times_us.tolist(), frames))
     stream = Stream("made", messages, {"VISO_TYPE": 1, "EK3_SRC1_YAW": 1})
     position = PositionSeries("GPS", times_us, path) if has_path else None
-    evidence = gather(stream, GatherOptions(position=position, is_tried=False))
+    evidence = gather(stream, vehicle=VehicleData(position=position), is_tried=False)
     assert any("are not judged" in note for note in evidence.notes) is not is_judged
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, stream_of
-from viso.doctor import CHECKS, Finding, Severity, diagnose
+from viso.doctor import CHECKS, Finding, Severity, VehicleData, diagnose
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.output.machine_formats import as_json, as_junit, as_sarif
 from viso.doctor.output.summary import summarise
@@ -20,7 +20,7 @@ from viso.doctor.output.terminal import count_text, finding_lines
 EVIDENCE = evidence_of(
     stream_of([odometry(1 + number * 40_000, q=(2.0, 0, 0, 0)) for number in range(100)]),
     {"VISO_ORIENT": 4, "VISO_DELAY_MS": 900},
-    vehicle_texts=((START_US, 2, "EKF \x00 <says> & so"),),
+    vehicle=VehicleData(texts=((START_US, 2, "EKF \x00 <says> & so"),)),
 )
 FINDINGS = diagnose(EVIDENCE, CHECKS)
 

@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parameters to try a stream with: given, else heard in it, else assumed so that it can work."""
+"""The parameters to try a stream with: given, or else heard in it, or else assumed so that it can work."""
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
-from mav_handlers.handlers import VISION_MESSAGES
+from ekf_stub.inputs.sources import EXTNAV
 from mav_handlers.wire.codec import message_name
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
-from viso.doctor.evidence.evidence import EXTNAV, Assumed
+from viso.doctor.evidence.stream_data import VISION_NAMES
 from viso.doctor.evidence.tracks import POSE_TYPES, VELOCITY_TYPES
 from viso.doctor.evidence.vehicle_data import VehicleData
 from viso.firmware.flown import FlownVersion
@@ -17,7 +17,6 @@ from viso.firmware.releases import Firmware
 from viso.streams.stream import message_id_of
 from viso.streams.stream_kinds import Stream
 
-VISION_NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
 _BARO = 1
 _COMPASS = 1
 _NONE = 0
@@ -27,57 +26,70 @@ _POSES = frozenset(cls.__name__ for cls in POSE_TYPES)
 _VELOCITIES = frozenset(cls.__name__ for cls in (*VELOCITY_TYPES, VISION_POSITION_DELTA))
 
 
-def _of_older(flown: FlownVersion, told: Mapping[str, float]) -> Iterator[Assumed]:
+@dataclass(frozen=True, slots=True)
+class Assumed:
+    """A parameter that is not known, the value that is assumed for it, and why."""
+
+    name: str
+    value: float
+    why: str
+
+
+def _of_older(flown: FlownVersion, known: Mapping[str, float]) -> Iterator[Assumed]:
     """Yield what makes the vehicle here behave as a release did that lacks the parameter."""
     if not flown.reads_quality:
         yield Assumed("VISO_QUAL_MIN", -1, "before 4.6 no quality is read")
     if flown.has_sources:
         return
-    uses_compass = told.get("COMPASS_USE", 1) != 0 and told.get("COMPASS_ENABLE", 1) != 0
+    uses_compass = known.get("COMPASS_USE", 1) != 0 and known.get("COMPASS_ENABLE", 1) != 0
     yield Assumed("VISO_TYPE", 1, "before 4.1 messages go to the estimators whatever it is")
     yield Assumed("AHRS_EKF_TYPE", _EKF3, "EKF2 stands for the filter before 4.1")
     yield Assumed("EK3_ENABLE", 1, "likewise")
     yield Assumed("EK3_SRC1_POSXY", EXTNAV, "EKF2 takes positions where it has no GPS")
     yield Assumed("EK3_SRC1_VELXY", _NONE, "EKF2 takes no velocities")
     yield Assumed("EK3_SRC1_VELZ", _NONE, "likewise")
-    height = int(told.get("EK2_ALT_SOURCE", 0))
+    height = int(known.get("EK2_ALT_SOURCE", 0))
     yield Assumed("EK3_SRC1_POSZ", _HEIGHT_SOURCES.get(height, _BARO), f"EK2_ALT_SOURCE is {height}")
     yield Assumed("EK3_SRC1_YAW", *((_COMPASS, "the compass is used") if uses_compass else (EXTNAV, "no compass")))
 
 
 @dataclass(frozen=True, slots=True)
-class Settled:
-    """Parameters to try a stream with.
+class SetUp:
+    """The firmware and the parameters to try a stream with.
 
     Attributes:
-        told: by the recording or the user.
-        assumed: what nobody told, or the release that flew had not.
-        tells_all: whether a parameter that is not told is one that the vehicle does not have.
         firmware: the release that the vehicle of the trial is.
+        flown: the release that flew, which the firmware stands for; None if it stands for none but itself.
+        known: parameters from the recording or the user.
+        assumed: parameters that are not known, or that the release that flew does not have.
+        is_complete: whether a parameter that is not known is one that the vehicle does not have.
+        is_as_flown: whether the parameters are those that the vehicle flew with, as far as they are known.
     """
 
     firmware: Firmware
-    told: Mapping[str, float]
+    flown: FlownVersion | None = None
+    known: Mapping[str, float] = field(default_factory=dict)
     assumed: tuple[Assumed, ...] = ()
-    tells_all: bool = False
+    is_complete: bool = False
+    is_as_flown: bool = True
 
     @property
     def params(self) -> dict[str, float]:
         """What the vehicle of the trial gets."""
-        return {**self.told, **{one.name: one.value for one in self.assumed}}
+        return {**self.known, **{one.name: one.value for one in self.assumed}}
 
 
-def settle(
+def choose_set_up(
     stream: Stream,
     vehicle: VehicleData,
     given: Mapping[str, float],
     names: Collection[str],
     firmware: Firmware,
     flown: FlownVersion | None,
-) -> Settled:
-    """Return parameters for a vehicle to try a stream, and which of them were assumed.
+) -> SetUp:
+    """Return the parameters for a vehicle to try a stream.
 
-    What is given wins over what the stream's file holds, and that over what the vehicle says in it.
+    Given parameters win over those of the stream's file, and those win over what the vehicle reports in it.
 
     Args:
         stream: to be tried.
@@ -87,16 +99,24 @@ def settle(
         firmware: which calls its parameters by names of its own.
         flown: the release that the firmware stands for; None if it stands for none but itself.
     """
-    told = {**vehicle.params, **stream.params, **given}
+    recorded = {**vehicle.params, **stream.params}
+    known = {**recorded, **given}
     if vehicle.system_id is not None:
-        told.setdefault(firmware.endpoint.params.system_id, float(vehicle.system_id))
-    tells_all = bool(stream.params) or vehicle.has_all_params
+        known.setdefault(firmware.endpoint.params.system_id, float(vehicle.system_id))
+    is_complete = bool(stream.params) or vehicle.has_all_params
     assumed = list[Assumed]()
     if names and flown is not None:
-        assumed += [one for one in _of_older(flown, told) if one.name not in given]
-    if not tells_all:
-        assumed += fitting(names, {*told, *(one.name for one in assumed)})
-    return Settled(firmware, told, tuple(assumed), tells_all)
+        assumed += [one for one in _of_older(flown, known) if one.name not in given]
+    if not is_complete:
+        assumed += fitting(names, {*known, *(one.name for one in assumed)})
+    return SetUp(
+        firmware=firmware,
+        flown=flown,
+        known=known,
+        assumed=tuple(assumed),
+        is_complete=is_complete,
+        is_as_flown=all(recorded.get(name, value) == value for name, value in given.items()),
+    )
 
 
 def vision_carried(stream: Stream) -> frozenset[str]:
