@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.inputs.sources import EXTNAV
+from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import ALIGNED, aligned_us, lasting
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, share
@@ -20,9 +21,6 @@ from viso.doctor.evidence.sender_clock import FEWEST
 from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
-_LIMIT_RAD: Final = math.radians(10)
-_GROSS_RAD: Final = math.radians(20)
-_LASTING_US: Final = 1_000_000
 _GPS: Final = 3
 _NEVER_US: Final = 1 << 62
 
@@ -110,7 +108,7 @@ def rotated_frame(evidence: Evidence) -> Iterator[Sighting]:
     severity = Severity.NOTE if evidence.source("YAW") == EXTNAV and not by_north else None
     for poses, _, told, vehicle in _beside_vehicle(evidence) if evidence.viso_type == 1 else ():
         mean, spread = _mean_angle(told[:, 2] - vehicle[:, 2])
-        if abs(mean) > _LIMIT_RAD and spread < _LIMIT_RAD:
+        if abs(mean) > limits.ATTITUDE_OFF_RAD and spread < limits.ATTITUDE_OFF_RAD:
             text = f"{poses.track.sender}: its yaw is {math.degrees(mean):.0f} deg from the vehicle's own"
             yield Sighting.in_track(text, poses.track, severity=severity)
 
@@ -159,7 +157,7 @@ def tilted_attitude(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
     for poses, chosen, told, vehicle in _beside_vehicle(evidence):
         angle = np.arccos(np.clip(np.sum(down_in_body(told) * down_in_body(vehicle), axis=1), -1, 1))
-        mask = lasting(poses.track.arrival_us[chosen], angle > _LIMIT_RAD)
+        mask = lasting(poses.track.arrival_us[chosen], angle > limits.ATTITUDE_OFF_RAD)
         if mask.any():
             middle = math.degrees(float(np.median(angle[mask])))
             text = f"roll and pitch are {middle:.0f} deg from the vehicle's own"
@@ -188,16 +186,16 @@ def yaw_after_alignment(evidence: Evidence) -> Iterator[Sighting]:
         times, off = poses.track.arrival_us[chosen], told[:, 2] - vehicle[:, 2]
         mask, worst = np.zeros(len(times), dtype=np.bool_), 0.0
         for start, end in itertools.pairwise([*starts_us, _NEVER_US]):
-            first = (times >= start) & (times < min(start + _LASTING_US, end))
+            first = (times >= start) & (times < min(start + limits.ALIGNED_FOR_US, end))
             inside = (times >= start) & (times < end)
             if first.any():
                 since = np.abs(np.angle(np.exp(1j * (off - _mean_angle(off[first])[0]))))
-                left = lasting(times, np.asarray(inside & (since > _LIMIT_RAD), dtype=np.bool_))
+                left = lasting(times, np.asarray(inside & (since > limits.ATTITUDE_OFF_RAD), dtype=np.bool_))
                 mask |= left
                 worst = max(worst, float(since[left].max(initial=0.0)))
         if mask.any():
             text = f"since it was aligned the yaw has left the vehicle's own by up to {math.degrees(worst):.0f} deg"
-            yield _apart(poses, chosen, mask, text, None if worst > _GROSS_RAD else Severity.WARNING)
+            yield _apart(poses, chosen, mask, text, None if worst > limits.YAW_FAR_OFF_RAD else Severity.WARNING)
 
 
 @check(

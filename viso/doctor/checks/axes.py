@@ -4,10 +4,10 @@
 
 import math
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 
+from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import is_related
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.frames import is_misordered
@@ -17,15 +17,6 @@ from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import FEWEST
 from viso.doctor.evidence.tracks import Floats, down_in_body, euler_of_quat, reordered
 from viso.estimators.axis_rotations import BODY_WORDS, AxisMap, orient_name, rotation_matrix
-
-_LEAST_CLIMB_M: Final = 0.5
-_MIRRORED: Final = -0.7
-_AT_REST: Final = 5
-_STILL_M: Final = 0.1
-_LEAST_SINKING_M: Final = 0.7
-_RISES: Final = 0.15
-_LEVEL_RAD: Final = math.radians(8)
-_TILTED_RAD: Final = math.radians(20)
 
 
 def _is_ros(compared: Comparison) -> bool:
@@ -130,10 +121,10 @@ def height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
         there = evidence.vehicle.height.at(poses.track.arrival_us)
         down = poses.pos_m[:, 2]
         fine = np.isfinite(there) & np.isfinite(down)
-        if np.count_nonzero(fine) < 20 or np.ptp(there[fine]) < _LEAST_CLIMB_M or np.std(down[fine]) == 0:
+        if np.count_nonzero(fine) < 20 or np.ptp(there[fine]) < limits.LEAST_CLIMB_M or np.std(down[fine]) == 0:
             continue
         correlation = float(np.corrcoef(there[fine], down[fine])[0, 1])
-        if correlation < _MIRRORED:
+        if correlation < limits.MIRRORED_CORRELATION:
             climbed = float(np.ptp(there[fine]))
             text = f"z grows as the vehicle climbs, over {climbed:.1f} m (correlation {correlation:.2f})"
             yield Sighting.in_track(f"{poses.track.sender}: {text}", poses.track)
@@ -186,7 +177,7 @@ def quaternion_order(evidence: Evidence) -> Iterator[Sighting]:
         elif poses.euler_rad is None and evidence.vehicle.attitude is not None:
             vehicle = evidence.vehicle.attitude.at(track.arrival_us)
             apart = [_median_tilt(quats, vehicle) for quats in (poses.quat_wxyz, reordered(poses.quat_wxyz))]
-            if apart[0] > _TILTED_RAD and apart[1] < _LEVEL_RAD:
+            if apart[0] > limits.TILTED_RAD and apart[1] < limits.LEVEL_RAD:
                 yield Sighting.in_track(
                     f"{track.sender}: roll and pitch are {math.degrees(apart[0]):.0f} deg from the vehicle's own, and "
                     f"{math.degrees(apart[1]):.0f} deg if the quaternion is read as x, y, z, w",
@@ -218,10 +209,10 @@ def sinks_below_start(evidence: Evidence) -> Iterator[Sighting]:
         return
     for poses in evidence.stream.poses:
         pos = poses.pos_m[np.isfinite(poses.pos_m).all(axis=1)]
-        if len(pos) < FEWEST or np.ptp(pos[:_AT_REST], axis=0).max() > _STILL_M:
+        if len(pos) < FEWEST or np.ptp(pos[: limits.FEWEST_AT_REST], axis=0).max() > limits.REST_M:
             continue
         sunk = pos[:, 2] - pos[0, 2]
-        if sunk.max() >= _LEAST_SINKING_M and -sunk.min() < _RISES * sunk.max():
+        if sunk.max() >= limits.LEAST_SINKING_M and -sunk.min() < limits.MOST_RISE_SHARE * sunk.max():
             deepest = f"z grows by up to {sunk.max():.1f} m from where it begins, and never falls below that"
             yield Sighting.in_track(f"{poses.track.sender}: {deepest}: is z up there?", poses.track)
 

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.checks import limits
 from viso.doctor.evidence.compare import ALIGNING_TYPES, comparison_of, oriented
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import POSITION, Witness
@@ -20,27 +21,10 @@ from viso.estimators.likeness import Likeness, estimate_likeness
 from viso.estimators.turning import quats_of_euler
 from viso.streams.stream_kinds import Aspect
 
-RELATED: Final = 0.8
-"""The least correlation of moves that belong together."""
-UNLIKE: Final = 0.3
-"""The share of moves that may be off by more than half."""
-
 ALIGNED: Final = "VisOdom: yaw shifted"
 """What types 2 and 3 say when they turn the camera's frame to north."""
 
-_LEAVES_RAD: Final = np.radians(10)
-_LATE_S: Final = 0.5
-_LASTING_US: Final = 1_000_000
-_LEAST_SHARE: Final = 0.05
 _FAILED: Final = -1
-_FARTHEST_M: Final = 1e9
-_FASTEST_M_S: Final = 1e5
-_FEWEST: Final = 40
-_LONGEST_GAP_S: Final = 0.5
-_SHORTEST_US: Final = 3_000_000
-_STEP_RAD: Final = np.radians(12)
-_STEP_US: Final = 300_000
-_AROUND_US: Final = 500_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,21 +96,21 @@ def began_anew_us(evidence: Evidence, poses: Poses) -> Ints:
 def ways_of_poses(evidence: Evidence) -> Iterator[tuple[Poses, Way]]:
     """Yield poses, and the way of those that are not told to have failed and do not follow the vehicle."""
     for poses in evidence.stream.poses:
-        fine = (np.abs(poses.pos_m) < _FARTHEST_M).all(axis=1) & (poses.quality != _FAILED)
+        fine = (np.abs(poses.pos_m) < limits.FARTHEST_M).all(axis=1) & (poses.quality != _FAILED)
         chosen = np.flatnonzero(fine & ~follows_vehicle(evidence, poses.track.arrival_us))
-        if len(chosen) >= _FEWEST:
+        if len(chosen) >= limits.FEWEST_COMPARED:
             yield poses, Way(poses.track, chosen, poses.pos_m[chosen], began_anew_us(evidence, poses))
 
 
 def ways_of_velocities(evidence: Evidence) -> Iterator[tuple[Velocities, Way]]:
     """Yield velocities, and the way that they come to, over no gap."""
     for velocities in evidence.stream.velocities:
-        chosen = np.flatnonzero((np.abs(velocities.used) < _FASTEST_M_S).all(axis=1))
-        if len(chosen) < _FEWEST:
+        chosen = np.flatnonzero((np.abs(velocities.used) < limits.NONSENSE_M_S).all(axis=1))
+        if len(chosen) < limits.FEWEST_COMPARED:
             continue
         used, time_us = velocities.used[chosen], velocities.track.arrival_us[chosen]
         step_s = np.diff(time_us) * 1e-6
-        gap = step_s > _LONGEST_GAP_S
+        gap = step_s > limits.SUMMED_GAP_S
         moved = 0.5 * (used[1:] + used[:-1]) * np.where(gap, 0.0, step_s)[:, None]
         pos_m = np.concatenate([np.zeros((1, 3)), np.cumsum(moved, axis=0)])
         yield velocities, Way(velocities.track, chosen, pos_m, time_us[1:][gap])
@@ -152,7 +136,7 @@ def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
         fine = np.isfinite(there).all(axis=1) & (np.abs(norm - 1) < 0.1) & (poses.quality != _FAILED)
         fine &= ~evidence.vehicle.is_attitude_wrong(poses.track.arrival_us)
         chosen = np.flatnonzero(fine)
-        if len(chosen) < _FEWEST:
+        if len(chosen) < limits.FEWEST_COMPARED:
             continue
         time_us = poses.track.arrival_us[chosen]
         edges = np.concatenate([began_anew_us(evidence, poses), _set_anew_us(vehicle)])
@@ -160,7 +144,7 @@ def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
         off_rad = np.zeros(len(chosen))
         for part in np.unique(parts).tolist():
             inside = parts == part
-            if np.ptp(time_us[inside]) >= _SHORTEST_US and np.count_nonzero(inside) >= FEWEST:
+            if np.ptp(time_us[inside]) >= limits.SHORTEST_COMPARED_US and np.count_nonzero(inside) >= FEWEST:
                 of_vehicle = quats_of_euler(there[chosen][inside])
                 off_rad[inside] = heading_departure(quats[chosen][inside], of_vehicle)
         told_by = f"{vehicle.origin}, which may follow the stream" if vehicle.follows_stream else vehicle.origin
@@ -173,24 +157,27 @@ def _set_anew_us(vehicle: AttitudeSeries) -> Ints:
     step = np.abs(np.angle(np.exp(1j * np.diff(yaw))))
     usual = np.abs(np.angle(np.exp(1j * (yaw[2:] - yaw[:-2]))))
     around = np.maximum(np.append(usual, 0.0) - step, np.append(0.0, usual) - step)
-    is_step = (step > _STEP_RAD) & (np.diff(vehicle.time_us) < _STEP_US) & (around < 0.5 * step)
+    is_step = (
+        (step > limits.YAW_SET_RAD) & (np.diff(vehicle.time_us) < limits.YAW_SET_WITHIN_US) & (around < 0.5 * step)
+    )
     return np.asarray(vehicle.time_us[1:][is_step], dtype=np.int64)
 
 
 def _turning_rad(vehicle: AttitudeSeries, time_us: Ints) -> Floats:
     """Return how fast the vehicle turns about the vertical around some times, rad a second."""
     ends = [
-        vehicle.at(np.clip(time_us + by, vehicle.time_us[0], vehicle.time_us[-1])) for by in (-_AROUND_US, _AROUND_US)
+        vehicle.at(np.clip(time_us + by, vehicle.time_us[0], vehicle.time_us[-1]))
+        for by in (-limits.TURNING_AROUND_US, limits.TURNING_AROUND_US)
     ]
-    return np.asarray(np.abs(ends[1][:, 2] - ends[0][:, 2]) / (2e-6 * _AROUND_US), dtype=np.float64)
+    return np.asarray(np.abs(ends[1][:, 2] - ends[0][:, 2]) / (2e-6 * limits.TURNING_AROUND_US), dtype=np.float64)
 
 
 def leaves(heading: HeadingDeparture) -> Bools:
     """Return which messages have a yaw that is off for longer than a late one is in a turn; none if they are few."""
-    allowed = _LEAVES_RAD + _LATE_S * heading.turning_rad
+    allowed = limits.HEADING_OFF_RAD + limits.HEADING_LATE_S * heading.turning_rad
     off = np.asarray(np.abs(heading.off_rad) > allowed, dtype=np.bool_)
     mask = lasting(heading.poses.track.arrival_us[heading.chosen], off)
-    return mask if np.mean(mask) > _LEAST_SHARE else np.zeros_like(mask)
+    return mask if np.mean(mask) > limits.HEADING_OFF_SHARE else np.zeros_like(mask)
 
 
 def wanders(evidence: Evidence, sender: Sender) -> bool:
@@ -214,7 +201,7 @@ def is_related(evidence: Evidence, poses: Poses) -> bool:
     for one, way in ways_of_poses(evidence):
         found = likeness_of(evidence, way) if one is poses else None
         if found is not None:
-            return found.correlation >= RELATED and found.unlike < UNLIKE
+            return found.correlation >= limits.RELATED_CORRELATION and found.unlike < limits.UNLIKE_SHARE
     return True
 
 
@@ -223,6 +210,6 @@ def lasting(time_us: Ints, mask: Bools) -> Bools:
     edges = np.flatnonzero(np.diff(mask.astype(np.int8))) + 1
     kept = mask.copy()
     for run in np.split(np.arange(len(mask)), edges):
-        if len(run) and time_us[run[-1]] - time_us[run[0]] <= _LASTING_US:
+        if len(run) and time_us[run[-1]] - time_us[run[0]] <= limits.LASTING_US:
             kept[run] = False
     return kept

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often
 from viso.doctor.evidence.evidence import Evidence
@@ -25,9 +26,6 @@ from viso.doctor.evidence.tracks import Track
 from viso.streams.stream_kinds import Aspect
 
 CORRECTION: Final = "AP_RTC/JitterCorrection.cpp, JitterCorrection::correct_offboard_timestamp_usec"
-_LEAST_DRIFT_PPM: Final = 2000.0
-_GROSS: Final = 0.04
-_APART_US: Final = 500_000
 _UNITS: Final = (
     ("s", 1e-6, "seconds", "multiply them by 1000000"),
     ("ms", 1e-3, "milliseconds", "multiply them by 1000"),
@@ -92,9 +90,10 @@ def _counts(track: Track, factor: float) -> bool:
     """Return whether stamps count a unit of which there are ``factor`` in a us."""
     if is_constant(track) or are_us(track):
         return False
+    low, high = limits.UNIT_WITHIN
     # Whole seconds show over half of the track alone.
     rates = [rate for rate in (stamp_rate(track), stamp_rate(track, parts=2)) if rate is not None]
-    return any(0.8 < rate / factor < 1.25 for rate in rates)
+    return any(low < rate / factor < high for rate in rates)
 
 
 def _wrong_unit_of_file(track: Track, advance_us: int, factor: float) -> Sighting:
@@ -178,7 +177,7 @@ def clock_drift(evidence: Evidence) -> Iterator[Sighting]:
         minima = minima_of(track)
         steady_ppm = drift_ppm(minima)
         ppm = net_drift_ppm(minima) if steady_ppm is None else steady_ppm
-        if ppm is not None and abs(ppm) >= _LEAST_DRIFT_PPM:
+        if ppm is not None and abs(ppm) >= limits.LEAST_DRIFT_PPM:
             way, how = "slow" if ppm > 0 else "fast", "" if steady_ppm is not None else " in all, not steadily"
             text = f"the sender's clock is {abs(ppm) / 1e4:.2f} % too {way}{how}, over {track.span_s:.0f} s"
             yield Sighting.in_track(f"{track.sender}: {text}", track)
@@ -203,7 +202,7 @@ def two_clocks(evidence: Evidence) -> Iterator[Sighting]:
         one, other = tracks[0], tracks[index]
         apart_us = abs(offsets[index] - offsets[0])
         together = one.arrival_us[0] < other.arrival_us[-1] and other.arrival_us[0] < one.arrival_us[-1]
-        if together and apart_us > _APART_US:
+        if together and apart_us > limits.CLOCKS_APART_US:
             yield Sighting.in_track(
                 f"the clocks of {one.sender} and {other.sender} are {apart_us * 1e-6:.1f} s apart", other
             )
@@ -233,7 +232,7 @@ def clock_rate(evidence: Evidence) -> Iterator[Sighting]:
         told.add((whose, clock.departure))
         cause, fix = _cause(clock, is_simulated=evidence.vehicle.is_simulated)
         advance_s = float(track.stamp_us[-1]) * 1e-6
-        is_gross = clock.worst >= _GROSS or clock.departure is Departure.ALTERNATING
+        is_gross = clock.worst >= limits.CLOCK_FAR_OFF or clock.departure is Departure.ALTERNATING
         yield Sighting.in_track(
             f"{track.sender}: in {track.span_s:.1f} s of the autopilot's clock stamps advance by {advance_s:.1f} s, "
             f"{advance_s / track.span_s:.3f} times as much{cause}",

@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.inputs.sources import SourceXY
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.ground_set_up import (
-    AIR_M,
     FLOW_BIT,
     is_in_flight,
     is_recorded,
@@ -30,24 +30,7 @@ from viso.estimators.series import stretches_of
 _MAVLINK: Final = 5
 _TO_NAVIGATE: Final = 1
 _TERRAIN_ONLY: Final = 2
-_UNHEALTHY_US: Final = 500_000
-_STOPS_US: Final = 5_000_000
-_SLOW_US: Final = 200_000
-_FEWEST: Final = 20
-_SOME: Final = 0.05
-_MUCH: Final = 0.3
-_OFF, _FAR_OFF = 0.2, 0.4
-_TURNED_DEG: Final = 15.0
-_AVERAGE_MS: Final = 50.0
-_LATE_MS: Final = 60.0
-_VERY_LATE_MS: Final = 150.0
 _LARGEST_DELAY_MS: Final = 127
-_SENSOR_LIMIT: Final = 4.2
-_MAX_FLOW: Final = 2.5
-_FROZEN_US: Final = 3_000_000
-_MOVES: Final = 0.05
-_COARSE_S: Final = 0.05
-_VERY_COARSE_S: Final = 0.1
 _LARGEST_SCALER: Final = 800
 
 _MAV_DRIVER: Final = "AP_OpticalFlow_MAV.cpp, AP_OpticalFlow_MAV::update"
@@ -137,8 +120,8 @@ def flow_quality(evidence: Evidence) -> Iterator[Sighting]:
     for flow in evidence.vehicle.ground.flows:
         flying = is_in_flight(evidence, flow.time_us)
         bad = flying & (flow.quality == 0)
-        if bad.sum() > _SOME * flying.sum() and bad.sum() >= _FEWEST:
-            much = bad.sum() > _MUCH * flying.sum()
+        if bad.sum() > limits.FLOW_BAD_SHARE * flying.sum() and bad.sum() >= limits.FEWEST_FLOW:
+            much = bad.sum() > limits.FLOW_VERY_BAD_SHARE * flying.sum()
             text = f"quality is 0 in {share(int(bad.sum()), int(flying.sum()))} measurements"
             yield seen(text, flow, bad, None if much else Severity.WARNING)
 
@@ -161,11 +144,11 @@ def flow_gaps(evidence: Evidence) -> Iterator[Sighting]:
         if len(flow) < 2:
             continue
         period_us = np.diff(flow.time_us)
-        if np.median(period_us) > _SLOW_US and flow.has_all:
+        if np.median(period_us) > limits.FLOW_SLOW_US and flow.has_all:
             rate = 1e6 / float(np.median(period_us))
             yield seen(f"{rate:.1f} measurements per second", flow, np.ones(len(flow), np.bool_))
             continue
-        least_us = max(_UNHEALTHY_US, 3 * float(np.median(period_us)))
+        least_us = max(limits.FLOW_UNHEALTHY_US, 3 * float(np.median(period_us)))
         gap = np.append(False, period_us > least_us) & is_in_flight(evidence, flow.time_us)
         if gap.any():
             longest = int(np.argmax(np.where(gap[1:], period_us, 0)))
@@ -174,7 +157,9 @@ def flow_gaps(evidence: Evidence) -> Iterator[Sighting]:
                 f"no flow for more than {1e-6 * least_us:.1f} s, {how_often(int(gap.sum()))}; the longest gap of "
                 f"{took_s:.1f} s from {at(since_us)} on"
             )
-            stops = period_us[longest] >= _STOPS_US and bool(_asking(evidence)) and not evidence.source("POSXY")
+            stops = (
+                period_us[longest] >= limits.FLOW_STOPS_US and bool(_asking(evidence)) and not evidence.source("POSXY")
+            )
             severity = None if stops else Severity.WARNING
             yield seen(text, flow, gap, severity)
 
@@ -230,10 +215,10 @@ def flow_scale(evidence: Evidence) -> Iterator[Sighting]:
     for fit in _fits(evidence, "flow"):
         x, y = fit.factors
         off = max(abs(x - 1), abs(y - 1))
-        limit = _FAR_OFF if fit.is_whole and not _is_ranged(evidence) else _OFF
+        limit = limits.FLOW_SCALE_FAR_OFF if fit.is_whole and not _is_ranged(evidence) else limits.FLOW_SCALE_OFF
         if off > limit and (fit.by_turning or _is_ranged(evidence)):
             text = f"flow about x is {x:.2f} times, about y {y:.2f} times what {_witness(fit)} makes"
-            severity = None if off > _FAR_OFF else Severity.WARNING
+            severity = None if off > limits.FLOW_SCALE_FAR_OFF else Severity.WARNING
             yield _throughout(fit, f"{text}, in {fit.count} measurements", _scaler(evidence, fit), severity)
 
 
@@ -255,7 +240,7 @@ def flow_axes(evidence: Evidence) -> Iterator[Sighting]:
         if fit.is_mirrored:
             fix = "No FLOW_ORIENT_YAW mends that: change the sign, or swap the axes, where the flow is made."
             what = f"its axes are mirrored ({fit.axes})"
-        elif abs(turned) > _TURNED_DEG:
+        elif abs(turned) > limits.FLOW_TURNED_DEG:
             now = told(evidence, "FLOW_ORIENT_YAW") or 0.0
             wanted = 100 * -round((180 - (0.01 * now + turned)) % 360 - 180)
             fix = f"Set FLOW_ORIENT_YAW to about {wanted} (0.01 degrees) if that is how it is mounted."
@@ -283,13 +268,13 @@ def flow_delay(evidence: Evidence) -> Iterator[Sighting]:
         if not fit.is_timed or delay_ms is None:
             continue
         late_ms = fit.lag_ms - delay_ms
-        if late_ms > _AVERAGE_MS + _LATE_MS or late_ms < -_LATE_MS:
-            wanted = min(max(fit.lag_ms - _AVERAGE_MS, 0.0), float(_LARGEST_DELAY_MS))
+        if late_ms > limits.FLOW_AVERAGE_MS + limits.FLOW_LATE_MS or late_ms < -limits.FLOW_LATE_MS:
+            wanted = min(max(fit.lag_ms - limits.FLOW_AVERAGE_MS, 0.0), float(_LARGEST_DELAY_MS))
             yield _throughout(
                 fit,
                 f"flow comes {fit.lag_ms:.0f} ms after the turning that it shows; EK3_FLOW_DELAY is {delay_ms:.0f}",
                 f"Set EK3_FLOW_DELAY to about {wanted:.0f}, at most {_LARGEST_DELAY_MS}, and reboot.",
-                Severity.ERROR if late_ms > _AVERAGE_MS + _VERY_LATE_MS else None,
+                Severity.ERROR if late_ms > limits.FLOW_AVERAGE_MS + limits.FLOW_VERY_LATE_MS else None,
             )
 
 
@@ -310,7 +295,11 @@ def flow_gyro(evidence: Evidence) -> Iterator[Sighting]:
         if fit.of != "gyro" or fit.matrix is None:
             continue
         x, y = fit.factors
-        is_off = fit.is_mirrored or abs(fit.turned_deg) > _TURNED_DEG or max(abs(x - 1), abs(y - 1)) > _OFF
+        is_off = (
+            fit.is_mirrored
+            or abs(fit.turned_deg) > limits.FLOW_TURNED_DEG
+            or max(abs(x - 1), abs(y - 1)) > limits.FLOW_SCALE_OFF
+        )
         if not np.ptp(np.nan_to_num(fit.flow.body), axis=0).any():
             yield _throughout(fit, "the sensor's body rates are always the same while the vehicle turns")
         elif fit.is_judged and is_off:
@@ -336,20 +325,20 @@ def flow_gyro(evidence: Evidence) -> Iterator[Sighting]:
 )
 def flow_period(evidence: Evidence) -> Iterator[Sighting]:
     for flow in evidence.vehicle.ground.flows:
-        if flow.units is None or flow.sent_rate is None or len(flow) < _FEWEST:
+        if flow.units is None or flow.sent_rate is None or len(flow) < limits.FEWEST_FLOW:
             continue
         everything = np.ones(len(flow), np.bool_)
         sent, taken = flow.sent_rate, flow.rate
         known = np.isfinite(sent).all(axis=1) & (np.abs(sent).max(axis=1) > 0)
         size = float((sent[known] ** 2).sum())
-        factor = float((sent[known] * taken[known]).sum()) / size if known.sum() >= _FEWEST else 1.0
+        factor = float((sent[known] * taken[known]).sum()) / size if known.sum() >= limits.FEWEST_FLOW else 1.0
         period_s = float(np.median(np.diff(flow.time_us))) * 1e-6
-        if abs(factor - 1) > _OFF:
+        if abs(factor - 1) > limits.FLOW_SCALE_OFF:
             text = f"of what flow_rate_x and flow_rate_y say the autopilot takes {factor:.3g} times as much"
             yield seen(text, flow, known, Severity.ERROR)
-        elif period_s >= _COARSE_S and flow.units.any():
+        elif period_s >= limits.FLOW_COARSE_S and flow.units.any():
             text = f"a message every {1e3 * period_s:.0f} ms: flow comes in steps of {period_s:.2f} rad/s"
-            yield seen(text, flow, everything, None if period_s >= _VERY_COARSE_S else Severity.NOTE)
+            yield seen(text, flow, everything, None if period_s >= limits.FLOW_VERY_COARSE_S else Severity.NOTE)
 
 
 @check(
@@ -366,12 +355,13 @@ def flow_period(evidence: Evidence) -> Iterator[Sighting]:
 )
 def flow_too_fast(evidence: Evidence) -> Iterator[Sighting]:
     names = ("EK3_MAX_FLOW", "EK3_FLOW_MAX")
-    limit = next((value for name in names if (value := evidence.set_up.known.get(name))), _MAX_FLOW)
+    set_limit = next((value for name in names if (value := evidence.set_up.known.get(name))), limits.FLOW_FUSED_RAD_S)
+    limit = min(set_limit, limits.FLOW_DROPPED_RAD_S)
     for flow in evidence.vehicle.ground.flows:
         size = np.nan_to_num(np.abs(flow.rate)).max(axis=1)
-        fast = (size > min(limit, _SENSOR_LIMIT)) & (flow.quality > 0)
-        if fast.sum() > _SOME * len(flow) and fast.sum() >= _FEWEST:
-            text = f"{share(int(fast.sum()), len(flow))} measurements are above {min(limit, _SENSOR_LIMIT):g} rad/s"
+        fast = (size > limit) & (flow.quality > 0)
+        if fast.sum() > limits.FLOW_BAD_SHARE * len(flow) and fast.sum() >= limits.FEWEST_FLOW:
+            text = f"{share(int(fast.sum()), len(flow))} measurements are above {limit:g} rad/s"
             yield seen(f"{text}, up to {size.max():.1f}", flow, fast)
 
 
@@ -390,14 +380,18 @@ def flow_frozen(evidence: Evidence) -> Iterator[Sighting]:
         # What a companion sends is multiplied by a period that varies.
         said = flow.rate if flow.units is None else flow.units
         same = np.append(False, (np.diff(said, axis=0) == 0).all(axis=1))
-        same &= np.append(False, np.diff(flow.time_us) < _UNHEALTHY_US)
+        same &= np.append(False, np.diff(flow.time_us) < limits.FLOW_UNHEALTHY_US)
         for start, end in stretches_of(same):
             since, until = int(flow.time_us[start - 1]), int(flow.time_us[end - 1])
-            inside = (turning[:, 0] >= since) & (turning[:, 0] <= until - _UNHEALTHY_US)  # flow may be late
+            inside = (turning[:, 0] >= since) & (turning[:, 0] <= until - limits.FLOW_UNHEALTHY_US)  # flow may be late
             step = 2 * float(np.median(np.diff(flow.time_us))) * 1e-6 if flow.units is not None else 0.0
-            if until - since < _FROZEN_US or end - start < _FEWEST or inside.sum() < _FEWEST:
+            if (
+                until - since < limits.FLOW_FROZEN_US
+                or end - start < limits.FEWEST_FLOW
+                or inside.sum() < limits.FEWEST_FLOW
+            ):
                 continue
-            if turning[inside, 1:3].std(axis=0).max() > max(_MOVES, step):
+            if turning[inside, 1:3].std(axis=0).max() > max(limits.FLOW_MOVES_RAD_S, step):
                 text = f"the same flow for {1e-6 * (until - since):.1f} s from {at(since)} on, while the vehicle turns"
                 yield seen(text, flow, (flow.time_us >= since) & (flow.time_us <= until))
                 break
@@ -450,16 +444,16 @@ def flow_rejected(evidence: Evidence) -> Iterator[Sighting]:
     check = evidence.vehicle.ground.check
     if not evidence.vehicle.ground.flows or not _asking(evidence) or not len(check):
         return
-    flying = is_in_flight(evidence, check[:, 0].astype(np.int64)) & (check[:, 2] > AIR_M)
+    flying = is_in_flight(evidence, check[:, 0].astype(np.int64)) & (check[:, 2] > limits.FLYING_M)
     over = flying & (check[:, 1] > 1)
-    if over.sum() > _SOME * flying.sum() and over.sum() >= _FEWEST:
+    if over.sum() > limits.FLOW_BAD_SHARE * flying.sum() and over.sum() >= limits.FEWEST_FLOW:
         part = share(int(over.sum()), int(flying.sum()))
         first, last = check[np.flatnonzero(over)[[0, -1]], 0]
         yield Sighting(
             f"the autopilot's own test ratio of flow (XKF5.NI) was above 1 in {part} records in flight",
             start_us=int(first),
             end_us=int(last),
-            severity=None if over.sum() > _MUCH * flying.sum() else Severity.WARNING,
+            severity=None if over.sum() > limits.FLOW_VERY_BAD_SHARE * flying.sum() else Severity.WARNING,
         )
 
 

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 from mav_handlers.verdicts import ODOMETRY_FRAMES
 from mav_handlers.wire.messages import ODOMETRY
+from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import wanders
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import share
@@ -18,10 +19,7 @@ from viso.doctor.evidence.motion import LEAST_SPEED, Motion, agreement, best_axe
 from viso.doctor.evidence.tracks import Floats
 from viso.streams.stream_kinds import Aspect
 
-_FITS: Final = 0.9
-_BETTER: Final = 0.01
 _ORDER: Final = "XN2-10"
-_LEAST_HEADING_RAD: Final = math.radians(8)
 _FRAMES: Final = {
     0: "GLOBAL",
     1: "LOCAL_NED",
@@ -110,7 +108,9 @@ def _scaled(motion: Motion, velocities: Floats) -> Floats:
 
 
 def _is_comparable(motion: Motion) -> bool:
-    return motion.is_enough and typical_speed(motion.told) > 0.02 * min(LEAST_SPEED, typical_speed(motion.path))
+    return motion.is_enough and typical_speed(motion.told) > limits.ZERO_SPEED_SHARE * min(
+        LEAST_SPEED, typical_speed(motion.path)
+    )
 
 
 class _Mixed(NamedTuple):
@@ -168,7 +168,7 @@ def _axes_mix(motion: Motion) -> Iterator[_Mixed]:
 def _heading_mix(motion: Motion) -> Iterator[_Mixed]:
     """Yield how velocities fit if they are turned about the vertical, and not by a right angle."""
     angle, correlation = heading_between(motion.path, motion.used)
-    if abs(math.remainder(angle, math.pi / 2)) > _LEAST_HEADING_RAD:
+    if abs(math.remainder(angle, math.pi / 2)) > limits.HEADING_TURNED_RAD:
         text = f"velocities have to be turned by {math.degrees(angle):.0f} deg to fit the path"
         yield _Mixed("XN2-05", correlation, text)
 
@@ -178,11 +178,11 @@ def _mix_up(motion: Motion) -> _Mixed | None:
     """Return the simplest of the ways in which velocities fit the path well; None if they fit as they are, or never."""
     if not _is_comparable(motion):
         return None
-    used = _as_used(motion)
+    least = max(limits.FITS_CORRELATION, _as_used(motion) + limits.BETTER_CORRELATION)
     best: _Mixed | None = None
     for mixed in (*_order_mix(motion), _frame_mix(motion), *_heading_mix(motion), *_axes_mix(motion)):
-        if mixed.correlation > max(_FITS, used + _BETTER, 0.0 if best is None else best.correlation + _BETTER):
-            best = mixed
+        if mixed.correlation > least:
+            best, least = mixed, mixed.correlation + limits.BETTER_CORRELATION
     return best
 
 

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.ground_sensors import FLOW, FlowSeries, RangeFinder, RangeSeries, finders_in
@@ -15,9 +16,6 @@ from viso.doctor.evidence.tracks import Bools, Floats, Ints
 FLOW_BIT: Final = 11
 CTUN_BIT: Final = 4
 """Bits of LOG_BITMASK, Copter's; ranges are logged with what the throttle controller does."""
-
-AIR_M: Final = 0.5
-"""Above the start or the ground: whatever is higher flies."""
 
 
 def told(evidence: Evidence, name: str) -> float | None:
@@ -99,5 +97,5 @@ def is_in_flight(evidence: Evidence, time_us: Ints) -> Bools:
         for start, end in own.armed:
             armed |= (time_us >= 1e6 * start) & (time_us <= 1e6 * end)
         height = above_start_m(evidence, time_us)
-        armed &= ~(height < AIR_M)
+        armed &= ~(height < limits.FLYING_M)
     return armed

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.clocks import CORRECTION
 from viso.doctor.checks.phrases import at, share
@@ -17,14 +18,7 @@ from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import sender_clock
 from viso.streams.stream_kinds import Aspect
 
-_MAX_LAG_MS: Final = 500.0
 _FILTER_STEP_MS: Final = 12
-_MARGIN_MS: Final = 10.0
-_DELAY_TOLERANCE_MS: Final = 15.0
-_SAME_DELAY_MS: Final = 4
-_BURST_US: Final = 5000
-_BURST_SPREAD_US: Final = 50_000
-_BURST_SIZE: Final = 3
 
 
 @check(
@@ -65,7 +59,7 @@ def later_than_before(evidence: Evidence) -> Iterator[Sighting]:
 
 def _horizon_ms(evidence: Evidence) -> float:
     """Return how late a message may be before the filter takes it for younger than it is."""
-    delay = min(max(evidence.param("VISO_DELAY_MS"), 0.0), 250.0)
+    delay = float(np.clip(evidence.param("VISO_DELAY_MS"), *limits.VISO_DELAY_RANGE_MS))
     longest = max(60.0, evidence.param("EK3_HGT_DELAY"), delay)
     steps = int(longest // _FILTER_STEP_MS)
     return max(steps * 12.5 - delay - 6.0, 0.0)
@@ -87,11 +81,11 @@ def _horizon_ms(evidence: Evidence) -> float:
     needs={Aspect.ARRIVAL},
 )
 def late_messages(evidence: Evidence) -> Iterator[Sighting]:
-    allowed = _horizon_ms(evidence) + _MARGIN_MS
+    allowed = _horizon_ms(evidence) + limits.LATE_MARGIN_MS
     for track in usable_tracks(evidence):
         lateness = lateness_ms(track)
         late = np.flatnonzero(lateness > allowed)
-        if len(late) > max(2, 0.02 * len(track)):
+        if len(late) > max(2, limits.LATE_SHARE * len(track)):
             middle, most = np.quantile(lateness, [0.5, 0.99])
             yield Sighting.in_track(
                 f"{track.sender}: {share(len(late), len(track))} messages come more than {allowed:.0f} ms later than "
@@ -115,7 +109,7 @@ def late_messages(evidence: Evidence) -> Iterator[Sighting]:
 )
 def half_a_second_late(evidence: Evidence) -> Iterator[Sighting]:
     for track in usable_tracks(evidence):
-        late = np.flatnonzero(lateness_ms(track) > _MAX_LAG_MS)
+        late = np.flatnonzero(lateness_ms(track) > limits.MOST_LAG_MS)
         if len(late):
             text = f"messages come more than 500 ms late, the first at {at(track.arrival_us[late[0]])}"
             yield Sighting.in_track(f"{track.sender}: {share(len(late), len(track))} {text}", track, late)
@@ -135,19 +129,22 @@ def half_a_second_late(evidence: Evidence) -> Iterator[Sighting]:
 )
 def bursts(evidence: Evidence) -> Iterator[Sighting]:
     for track in usable_tracks(evidence):
-        breaks = np.flatnonzero(np.diff(track.arrival_us) > _BURST_US) + 1
+        breaks = np.flatnonzero(np.diff(track.arrival_us) > limits.BURST_GAP_US) + 1
         groups = np.split(np.arange(len(track)), breaks)
         bursts = [
-            group for group in groups if len(group) >= _BURST_SIZE and np.ptp(track.stamp_us[group]) > _BURST_SPREAD_US
+            group
+            for group in groups
+            if len(group) >= limits.FEWEST_IN_BURST and np.ptp(track.stamp_us[group]) > limits.BURST_SPREAD_US
         ]
         if len(bursts) < 2:
             continue
         members = np.concatenate(bursts)
-        if len(members) > 0.05 * len(track):
+        if len(members) > limits.BURST_SHARE * len(track):
             largest = max(map(len, bursts))
             yield Sighting.in_track(
-                f"{track.sender}: {len(bursts)} bursts of {_BURST_SIZE} to {largest} messages that were stamped more "
-                f"than {_BURST_SPREAD_US // 1000} ms apart, {share(len(members), len(track))} of all",
+                f"{track.sender}: {len(bursts)} bursts of {limits.FEWEST_IN_BURST} to {largest} messages that were "
+                f"stamped more than {limits.BURST_SPREAD_US // 1000} ms apart, {share(len(members), len(track))} of "
+                "all",
                 track,
                 members,
             )
@@ -166,13 +163,13 @@ def bursts(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.ARRIVAL},
 )
 def viso_delay(evidence: Evidence) -> Iterator[Sighting]:
-    setting = min(max(evidence.param("VISO_DELAY_MS"), 0.0), 250.0)
+    setting = float(np.clip(evidence.param("VISO_DELAY_MS"), *limits.VISO_DELAY_RANGE_MS))
     for compared in evidence.comparisons:
         delay, arrival = compared.delay, compared.since_arrival
         if not delay.enough_motion or not arrival.enough_motion or sender_clock(compared.poses.track) is not None:
             continue
         # What a port's rate says that bytes take may be true or not: the truth lies between the two.
-        tolerance = _DELAY_TOLERANCE_MS + 3 * delay.sigma_ms
+        tolerance = limits.DELAY_TOLERANCE_MS + 3 * delay.sigma_ms
         if delay.delay_ms - tolerance <= setting <= max(delay.delay_ms, arrival.delay_ms) + tolerance:
             continue
         track = compared.poses.track
@@ -187,7 +184,7 @@ def viso_delay(evidence: Evidence) -> Iterator[Sighting]:
 
 def _advice(compared: Comparison) -> str:
     since_stamp, since_arrival = compared.delay.viso_delay_ms or 0, compared.since_arrival.viso_delay_ms or 0
-    if compared.transport_ms > _SAME_DELAY_MS:
+    if compared.transport_ms > limits.SAME_DELAY_MS:
         return (
             f"Set VISO_DELAY_MS to {since_arrival} if the link is USB, a network or a simulation, to {since_stamp} if "
             f"it is a wire as slow as its baud rate, for whose {compared.transport_ms:.0f} ms the autopilot allows by "

@@ -11,9 +11,8 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.inputs.sources import EXTNAV
+from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import (
-    RELATED,
-    UNLIKE,
     Way,
     aligned_us,
     heading_departures,
@@ -39,23 +38,7 @@ from viso.estimators.positions import interpolated
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
 _HEIGHT: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion"
 _YAW: Final = "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw"
-_GROSS_DEG: Final = 10.0
-_GROSS_AT_WORST_DEG: Final = 30.0
 _SECOND_US: Final = 1_000_000
-_STILL: Final = 0.2
-_NO_SCALE: Final = 0.05
-_MOSTLY: Final = 0.5
-_WANDERS: Final = 5.0
-_LEAST_M: Final = 1.0
-_LEAST_MS: Final = 0.3
-_OF_HEIGHT: Final = 3.0
-_OF_WAY: Final = 0.1
-_OF_CLIMB: Final = 0.5
-_LONG_GAP_S: Final = 2.5
-_SLOW_WINDOW_S: Final = 2.0
-_HALF: Final = 0.5
-_JUMP: Final = 4.0
-_FASTEST_M_S: Final = 1e5
 
 
 def _takes(evidence: Evidence, *names: str) -> Severity | None:
@@ -87,7 +70,7 @@ def yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
         if mask.any():
             off_deg, track = np.degrees(np.abs(heading.off_rad)), heading.poses.track
             middle_deg, worst_deg = float(np.median(off_deg)), float(off_deg[mask].max())
-            is_gross = middle_deg > _GROSS_DEG or worst_deg > _GROSS_AT_WORST_DEG
+            is_gross = middle_deg > limits.YAW_OFF_MEDIAN_DEG or worst_deg > limits.YAW_OFF_WORST_DEG
             count = share(int(np.count_nonzero(mask)), len(mask))
             yield Sighting.in_track(
                 f"{track.sender}: the yaw is more than 10 deg from the vehicle's own ({heading.told_by}) in {count} "
@@ -105,11 +88,11 @@ def _unlike(evidence: Evidence, way: Way, what: str, severity: Severity | None) 
     found, position = likeness_of(evidence, way), evidence.vehicle.position
     if found is None or position is None:
         return
-    is_related = found.correlation >= RELATED
-    is_still = found.ratio < (_NO_SCALE if is_related else _STILL)
-    if is_related and found.unlike < UNLIKE and not is_still:
+    is_related = found.correlation >= limits.RELATED_CORRELATION
+    is_still = found.ratio < (limits.NO_SCALE_RATIO if is_related else limits.STILL_RATIO)
+    if is_related and found.unlike < limits.UNLIKE_SHARE and not is_still:
         return
-    is_gross = is_still or (not is_related and found.unlike > _MOSTLY)
+    is_gross = is_still or (not is_related and found.unlike > limits.MOSTLY_UNLIKE_SHARE)
     yield Sighting.in_track(
         f"{way.track.sender}: the vehicle moved {found.flown_m:.1f} m by its own path ({position.origin}) within "
         f"{found.span_s:.0f} s, and {what} went {found.seen_m:.2f} m meanwhile; turned and moved to fit best "
@@ -163,7 +146,8 @@ def moves_while_standing(evidence: Evidence) -> Iterator[Sighting]:
         moved = [
             one
             for one in _at_rest(evidence, way)
-            if one.stream_m > max(_LEAST_M, _WANDERS * noise_m, _WANDERS * one.reference_m)
+            if one.stream_m
+            > max(limits.LEAST_DEPARTURE_M, limits.WANDERS_TIMES * noise_m, limits.WANDERS_TIMES * one.reference_m)
         ]
         yield from _standing(evidence, way, moved, "positions move over", _takes(evidence, "POSXY"))
 
@@ -206,7 +190,7 @@ def height_leaves(evidence: Evidence) -> Iterator[Sighting]:
         return
     for _, way in ways_of_poses(evidence):
         time_s, level_s = (np.asarray(time_us * 1e-6, np.float64) for time_us in (way.arrival_us, level.time_us))
-        there, known = interpolated(level_s, level.down_m[:, None], time_s, _LONG_GAP_S)
+        there, known = interpolated(level_s, level.down_m[:, None], time_s, limits.HEIGHT_GAP_S)
         for part in _parts(way):
             inside = np.flatnonzero(known & part)
             if len(inside) < FEWEST_WINDOWS:
@@ -223,7 +207,12 @@ def _height_of(evidence: Evidence, way: Way, inside: Ints, vehicle_m: Floats, le
     off_m = departure(down_m, vehicle_m, least_m=4 * level.noise_m)
     off_m = np.asarray(off_m - np.median(off_m[: FEWEST_WINDOWS // 2]), dtype=np.float64)
     climbed_m = float(np.ptp(vehicle_m))
-    allowed_m = max(_LEAST_M, _OF_HEIGHT * level.noise_m, _OF_CLIMB * climbed_m, _OF_WAY * _length(way, inside))
+    allowed_m = max(
+        limits.LEAST_DEPARTURE_M,
+        limits.HEIGHT_OFF_TIMES * level.noise_m,
+        limits.HEIGHT_OFF_CLIMB_SHARE * climbed_m,
+        limits.HEIGHT_OFF_PATH_SHARE * _length(way, inside),
+    )
     mask = lasting(time_us, np.asarray(np.abs(off_m) > allowed_m))
     if not mask.any():
         return None
@@ -277,7 +266,8 @@ def velocities_unrelated(evidence: Evidence) -> Iterator[Sighting]:
         moved = [
             one
             for one in _at_rest(evidence, way)
-            if one.stream_m > max(_LEAST_MS * (one.end_us - one.start_us) * 1e-6, _WANDERS * one.reference_m)
+            if one.stream_m
+            > max(limits.STANDING_M_S * (one.end_us - one.start_us) * 1e-6, limits.WANDERS_TIMES * one.reference_m)
         ]
         yield from _standing(evidence, way, moved, "velocities lead over", severity)
 
@@ -296,13 +286,13 @@ def velocities_unrelated(evidence: Evidence) -> Iterator[Sighting]:
     ),
 )
 def two_motions(evidence: Evidence) -> Iterator[Sighting]:
-    for motion in motions_of(evidence.stream.poses, evidence.stream.velocities, _SLOW_WINDOW_S):
+    for motion in motions_of(evidence.stream.poses, evidence.stream.velocities, limits.TWO_MOTIONS_WINDOW_S):
         if len(motion.numbers) < FEWEST_WINDOWS or typical_speed(motion.path) < LEAST_SPEED or not np.any(motion.told):
             continue
         unlike = min(
             _unlike_share(motion.path, sent) for sent in (motion.used, motion.told, motion.turned, motion.reordered)
         )
-        if unlike > _MOSTLY:
+        if unlike > limits.MOSTLY_UNLIKE_SHARE:
             yield Sighting.in_track(
                 f"{motion.velocity_sender} against {motion.pose_sender.name}: over {_span_s(motion):.0f} s positions "
                 f"move at {typical_speed(motion.path):.2f} m/s, velocities say {typical_speed(motion.used):.2f} m/s; "
@@ -314,20 +304,20 @@ def two_motions(evidence: Evidence) -> Iterator[Sighting]:
 
 def _unlike_share(path: Floats, velocities: Floats) -> float:
     """Return the share of windows in which velocities, turned and scaled to fit best, are off a path by half of it."""
-    usable = (np.abs(np.column_stack((path, velocities))) < _FASTEST_M_S).all(axis=1)
+    usable = (np.abs(np.column_stack((path, velocities))) < limits.NONSENSE_M_S).all(axis=1)
     path, velocities = path[usable], velocities[usable]
     if len(path) < FEWEST_WINDOWS:
         return 0.0
     speed = np.linalg.norm(path, axis=1)
-    steady = speed <= _JUMP * np.median(speed)
+    steady = speed <= limits.JUMP_TIMES_MEDIAN * np.median(speed)
     left, _, right = np.linalg.svd(path[steady].T @ velocities[steady])
     turned = velocities @ (left @ right).T
     energy = float(np.sum(turned[steady] ** 2))
     scale = float(np.sum(turned[steady] * path[steady])) / energy if energy > 0 else 0.0
     moving = steady & (speed > LEAST_SPEED)
-    off = np.linalg.norm(scale * turned - path, axis=1) > _HALF * speed
+    off = np.linalg.norm(scale * turned - path, axis=1) > limits.OFF_BY_HALF * speed
     return float(np.mean(off[moving])) if np.count_nonzero(moving) >= FEWEST_WINDOWS else 0.0
 
 
 def _span_s(motion: Motion) -> float:
-    return float(motion.arrival_us[-1] - motion.arrival_us[0]) * 1e-6 + _SLOW_WINDOW_S
+    return float(motion.arrival_us[-1] - motion.arrival_us[0]) * 1e-6 + limits.TWO_MOTIONS_WINDOW_S

@@ -7,8 +7,10 @@ from typing import Final
 
 import numpy as np
 
+from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, POS_ERR_MAX_M
 from mav_handlers.covariance import no_errors, pose_errors
 from mav_handlers.wire.messages import ATT_POS_MOCAP
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, masked
 from viso.doctor.evidence.evidence import Evidence
@@ -22,15 +24,7 @@ _INGEST: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData"
 _CLAMP: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
 _DIAGONAL_POSITION: Final = (0, 6, 11)
 _DIAGONAL_ANGLE: Final = (15, 18, 20)
-_MOST_POSITION_M: Final = 100.0
-_MOST_ANGLE_RAD: Final = 1.5
-_HUGE_POSITION_M: Final = 10.0
-_MOST_RADIANS: Final = 6.4
-_NORM_TOLERANCE: Final = 0.02
-_FROZEN_US: Final = 500_000
 _FAILED: Final = -1  # of a quality
-_LEAP_M: Final = 0.2
-_BRAKES_AT_MOST: Final = 20.0  # m/s^2
 
 
 @check(
@@ -107,7 +101,7 @@ def quaternion_norm(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.stream.poses:
         if poses.euler_rad is None:
             norm = np.linalg.norm(poses.quat_wxyz, axis=1)
-            mask = np.isfinite(norm) & (np.abs(norm - 1) > _NORM_TOLERANCE)
+            mask = np.isfinite(norm) & (np.abs(norm - 1) > limits.NORM_TOLERANCE)
             if mask.any():
                 low, high = norm[mask].min(), norm[mask].max()
                 yield from masked(f"have a quaternion of length {low:.3g} to {high:.3g}", poses.track, mask)
@@ -125,7 +119,7 @@ def angles_in_degrees(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.stream.poses:
         if poses.euler_rad is not None:
             largest = np.abs(poses.euler_rad)
-            mask = ((largest > _MOST_RADIANS) & (largest < 1e6)).any(axis=1)
+            mask = ((largest > limits.MOST_ANGLE_RAD) & (largest < 1e6)).any(axis=1)
             if mask.any():
                 most = float(largest[mask].max())
                 yield from masked(f"have angles beyond a full turn, up to {most:.1f} rad", poses.track, mask)
@@ -234,8 +228,8 @@ def huge_covariance(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.stream.poses:
         given, (pos_err, ang_err) = _is_given(evidence, poses), _errors(evidence, poses)
         for told, most, limit, unit in (
-            (pos_err, _HUGE_POSITION_M, _MOST_POSITION_M, "m"),
-            (ang_err, _MOST_ANGLE_RAD, _MOST_ANGLE_RAD, "rad"),
+            (pos_err, limits.HUGE_ERROR_M, float(POS_ERR_MAX_M), "m"),
+            (ang_err, float(ANG_ERR_MAX_RAD), float(ANG_ERR_MAX_RAD), "rad"),
         ):
             mask = given & (told > most)
             if mask.any():
@@ -261,7 +255,7 @@ def frozen_pose(evidence: Evidence) -> Iterator[Sighting]:
             length = int(track.arrival_us[last] - track.arrival_us[first])
             # A sender may repeat the last pose while it says that tracking failed.
             is_told = bool((poses.quality[first + 1 : last + 1] == _FAILED).all())
-            if length >= _FROZEN_US and not is_told and _is_in_motion(poses, first, last):
+            if length >= limits.FROZEN_US and not is_told and _is_in_motion(poses, first, last):
                 where = f"for {length * 1e-6:.1f} s at {at(track.arrival_us[first])}"
                 text = f"{track.sender}: in full motion the pose stops {where}, the same to the last bit"
                 yield Sighting.in_track(text, track, slice(first, last + 1))
@@ -276,4 +270,4 @@ def _is_in_motion(poses: Poses, first: int, last: int) -> bool:
     leap = float(np.linalg.norm(pos_m[end] - pos_m[last]))
     came = start > 0 and bool((pos_m[start] != pos_m[start - 1]).any())
     goes_on = end + 1 < len(pos_m) and bool((pos_m[end + 1] != pos_m[end]).any())
-    return (came and speed / time_s > _BRAKES_AT_MOST) or (goes_on and leap > _LEAP_M)
+    return (came and speed / time_s > limits.MOST_BRAKING_M_S2) or (goes_on and leap > limits.THAW_M)

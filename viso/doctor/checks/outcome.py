@@ -13,6 +13,7 @@ from ap_core.verdict import Outcome
 from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
 from ekf_stub.inputs.sources import EXTNAV
 from ekf_stub.reports.aiding_mode import AidingMode
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often, share
 from viso.doctor.checks.resets import jumps_in
@@ -25,20 +26,8 @@ from viso.vehicle.outcomes.watch import UNITS, AidingSpan
 
 _CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
-_READY_US: Final = 8_000_000
-_REJECTED_SHARE: Final = 0.05
-_SILENCE_US: Final = 500_000
-_EPISODE_US: Final = 2_000_000
-_FEWEST_REJECTED: Final = 5
-_LOST_SHARE: Final = 0.2
 _WARNING: Final = 4  # MAV_SEVERITY
 _MOST_TEXTS: Final = 10
-_ACCELERATION_OVER_S: Final = 0.2
-_HARD: Final = 5.0  # m/s^2
-_IMPOSSIBLE: Final = 30.0
-_BEFORE_US: Final = 3_000_000
-_GATE_US: Final = 500_000
-_NEAR_US: Final = 10_000_000
 _CHANNEL_OF: Final = {"pose": POSITION, "height": HEIGHT, "velocity": VELOCITY, "yaw": YAW}
 _REFUSAL: Final = re.compile(r"(Pre)?Arm: |Internal")
 _CONCERNS: Final = ("VisOdom", "EKF", "AHRS", "Position", "aiding", "Internal")
@@ -70,7 +59,9 @@ def _kept_on(evidence: Evidence, stops: list[int]) -> str:
         return ""
     since_us = own.time_us[own.uses_extnav][0]
     for stop_us in stops:
-        near = (own.time_us > max(stop_us - _EPISODE_US, since_us)) & (own.time_us < stop_us + _NEAR_US)
+        near = (own.time_us > max(stop_us - limits.EPISODE_US, since_us)) & (
+            own.time_us < stop_us + limits.MODEL_STOP_NEAR_US
+        )
         if not near.any() or not own.uses_extnav[near].all():
             return ""
     return f"; but the vehicle's own filter ({own.witness.value}) went on"
@@ -127,7 +118,7 @@ def would_never_aid(evidence: Evidence) -> Iterator[Sighting]:
         if own is not None and own.uses_extnav.any():
             since_us = own.time_us[own.uses_extnav][0]
             but = f"; but the vehicle's own filter ({own.witness.value}) did, from {at(since_us)} on"
-        is_weak = evidence.stream.end_us < _READY_US or bool(but)
+        is_weak = evidence.stream.end_us < limits.FILTER_READY_US or bool(but)
         yield Sighting(
             f"{len(accepted)} messages are accepted, and to the end, {at(evidence.stream.end_us)}, the filter does not "
             f"use them to navigate{but}",
@@ -212,7 +203,7 @@ def would_reject(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _is_much(messages: list[HandledMessage], tested: int) -> bool:
-    return len(messages) >= _FEWEST_REJECTED and len(messages) > _REJECTED_SHARE * tested
+    return len(messages) >= limits.FEWEST_REJECTED and len(messages) > limits.REJECTED_SHARE * tested
 
 
 def _after_silence(evidence: Evidence, messages: list[HandledMessage]) -> set[int]:
@@ -222,12 +213,12 @@ def _after_silence(evidence: Evidence, messages: list[HandledMessage]) -> set[in
     """
     accepted_us = np.array([one.arrival_us for one in _accepted(evidence)], dtype=np.int64)
     found: set[int] = set()
-    latest_us, is_blind = -_EPISODE_US, False
+    latest_us, is_blind = -limits.EPISODE_US, False
     for one in messages if len(accepted_us) else ():
-        if one.arrival_us - latest_us > _EPISODE_US:
-            start_us = max(one.arrival_us - _EPISODE_US, int(accepted_us[0]))
+        if one.arrival_us - latest_us > limits.EPISODE_US:
+            start_us = max(one.arrival_us - limits.EPISODE_US, int(accepted_us[0]))
             near = (accepted_us >= start_us) & (accepted_us <= one.arrival_us)
-            is_blind = bool((np.diff(accepted_us[near], prepend=start_us) > _SILENCE_US).any())
+            is_blind = bool((np.diff(accepted_us[near], prepend=start_us) > limits.BLIND_GAP_US).any())
         if is_blind:
             found.add(one.number)
         latest_us = one.arrival_us
@@ -236,17 +227,17 @@ def _after_silence(evidence: Evidence, messages: list[HandledMessage]) -> set[in
 
 def _accelerates(evidence: Evidence, messages: list[HandledMessage]) -> bool:
     """Return whether a path without jumps is too hard for the imagined vehicle before the first of some messages."""
-    start_us, end_us = messages[0].arrival_us - _BEFORE_US, messages[0].arrival_us + _GATE_US
+    start_us, end_us = messages[0].arrival_us - limits.HARD_BEFORE_US, messages[0].arrival_us + limits.HARD_AFTER_US
     for poses in evidence.stream.poses:
         time_s: Floats = np.asarray(time_base_us(poses.track) * 1e-6, dtype=np.float64)
-        every = max(1, int(np.searchsorted(time_s, time_s[0] + _ACCELERATION_OVER_S)))
+        every = max(1, int(np.searchsorted(time_s, time_s[0] + limits.ACCELERATION_OVER_S)))
         if len(time_s) <= 2 * every:
             continue
         size = _accelerations(time_s, poses.pos_m, every)
         arrival_us = poses.track.arrival_us[every:-every]
         near = size[(arrival_us > start_us) & (arrival_us < end_us)]
         near = near[np.isfinite(near)]
-        if len(near) and _HARD < near.max() < _IMPOSSIBLE:
+        if len(near) and limits.HARD_M_S2 < near.max() < limits.IMPOSSIBLE_M_S2:
             return True
     return False
 
@@ -278,7 +269,7 @@ def would_lose_samples(evidence: Evidence) -> Iterator[Sighting]:
             if any(fate.outcome.rule in (OVERWRITTEN, SUPERSEDED) for fate in sample.fates):
                 lost.setdefault(sample.kind, []).append(one)
     for kind, messages in sorted(lost.items()):
-        if len(messages) >= _FEWEST_REJECTED and len(messages) > _LOST_SHARE * offered[kind]:
+        if len(messages) >= limits.FEWEST_REJECTED and len(messages) > limits.LOST_SAMPLES_SHARE * offered[kind]:
             lost_share = share(len(messages), offered[kind])
             yield Sighting.in_messages(
                 f"{lost_share} {kind} samples would be lost unused in the filter's buffer", messages

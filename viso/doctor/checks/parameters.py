@@ -13,6 +13,7 @@ from ekf_stub.inputs.ingest_rules import NO_BUFFER
 from ekf_stub.inputs.sources import EXTNAV, ROWS, SourceXY
 from ekf_stub.reports.aiding_mode import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, listed, share
 from viso.doctor.evidence.evidence import Evidence
@@ -24,12 +25,8 @@ _SOURCES: Final = "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::pre_arm_che
 _REBOOT: Final = ("VISO_TYPE", "EK3_ENABLE", "AHRS_EKF_TYPE", "EK3_IMU_MASK")
 _COMPASS: Final = 1
 _COMPASS_FALLBACK: Final = 3
-_DELAY_RANGE: Final = (0, 250)
 _MAV: Final = 1
-_CLIMB_M: Final = 0.3
 _EKF2: Final = 2
-_WHOLE_LIST: Final = 300
-"""No ArduPilot vehicle has fewer parameters."""
 
 
 @check(
@@ -44,7 +41,7 @@ _WHOLE_LIST: Final = 300
 def visual_odometry_off(evidence: Evidence) -> Iterator[Sighting]:
     found = [one for one in evidence.stream.vision if one.verdict is DISABLED]
     is_0, fix, known = "VISO_TYPE is 0", None, evidence.set_up.known
-    if evidence.set_up.is_complete and len(known) > _WHOLE_LIST and "VISO_TYPE" not in known:
+    if evidence.set_up.is_complete and len(known) > limits.FEWEST_OF_WHOLE_LIST and "VISO_TYPE" not in known:
         is_0 = f"VISO_TYPE is not among the {len(known)} parameters: this build has no visual odometry"
         fix = "Flash a build of the firmware that has it; the smallest boards have none unless it is built for them."
     if found:
@@ -274,7 +271,7 @@ def flat_height(evidence: Evidence) -> Iterator[Sighting]:
         if len(poses.track) < FEWEST or not np.isfinite(poses.pos_m).all():
             continue
         moved = float(np.ptp(poses.pos_m[:, :2], axis=0).max())
-        if np.ptp(poses.pos_m[:, 2]) == 0 and moved > _CLIMB_M:
+        if np.ptp(poses.pos_m[:, 2]) == 0 and moved > limits.FLAT_MOVED_M:
             value = float(poses.pos_m[0, 2])
             yield Sighting(
                 f"{poses.track.sender}: z is always {value:g} while x and y change by {moved:.1f} m",
@@ -350,7 +347,7 @@ def orient_without_effect(evidence: Evidence) -> Iterator[Sighting]:
 def value_out_of_range(evidence: Evidence) -> Iterator[Sighting]:
     delay, quality = evidence.param("VISO_DELAY_MS"), evidence.param("VISO_QUAL_MIN")
     scale = evidence.param("VISO_SCALE")
-    if not _DELAY_RANGE[0] <= delay <= _DELAY_RANGE[1]:
+    if not limits.VISO_DELAY_RANGE_MS[0] <= delay <= limits.VISO_DELAY_RANGE_MS[1]:
         yield Sighting(f"VISO_DELAY_MS is {delay:.0f}; 0 to 250 make sense")
     if quality > 100:
         yield Sighting(f"VISO_QUAL_MIN is {quality:.0f}; the best quality is 100")

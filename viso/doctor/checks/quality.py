@@ -7,6 +7,7 @@ from typing import Final
 
 from ap_visualodom.verdicts import QUALITY_BELOW_MIN
 from mav_handlers.wire.messages import ODOMETRY
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import by_type, share
 from viso.doctor.evidence.evidence import Evidence
@@ -100,7 +101,7 @@ def tracking_failed(evidence: Evidence) -> Iterator[Sighting]:
     if found and not any(one.verdict is QUALITY_BELOW_MIN for one in found):
         yield Sighting.in_messages(f"{text}, and none is withheld", found)
     elif found:
-        severity = Severity.WARNING if len(found) > 0.1 * len(odometry) else Severity.NOTE
+        severity = Severity.WARNING if len(found) > limits.FAILED_SHARE * len(odometry) else Severity.NOTE
         yield Sighting.in_messages(f"{text} and are withheld", found, severity=severity)
 
 

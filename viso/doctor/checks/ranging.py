@@ -10,6 +10,7 @@ import numpy as np
 
 from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
 from ekf_stub.inputs.sources import SourceZ
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.ground_set_up import (
     CTUN_BIT,
@@ -30,19 +31,7 @@ from viso.doctor.evidence.tracks import Bools, Floats
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 from viso.estimators.series import stretches_of
 
-_STALE_US: Final = 500_000
-_STUCK_US: Final = 3_000_000
-_FEWEST: Final = 20
-_CLIMB_M: Final = 1.0
-_SCALE_CLIMB_M: Final = 1.5
-_ALIKE: Final = 0.97
-_OFF: Final = 0.3
-_OUTLIER_M, _OUTLIER = 0.5, 0.2
-_SOME: Final = 0.01
 _LATE_US: Final = tuple(range(0, 1_000_001, 50_000))
-_LATEST_US: Final = 150_000
-_LEFT: Final = 0.4
-
 _READ: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::readRangeFinder"
 _HEIGHT: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion"
 _STATUS: Final = "AP_RangeFinder_Backend.cpp, AP_RangeFinder_Backend::update_status"
@@ -170,7 +159,7 @@ def range_never_good(evidence: Evidence) -> Iterator[Sighting]:
             text = (
                 f"no range is good: {_statuses(one, everything)}, distances {_span(one.dist_m)}{_limits(evidence, one)}"
             )
-            yield seen(text, one, everything, None if wants and len(one) >= _FEWEST else Severity.WARNING)
+            yield seen(text, one, everything, None if wants and len(one) >= limits.FEWEST_RANGES else Severity.WARNING)
 
 
 def _span(dist_m: Floats) -> str:
@@ -206,10 +195,12 @@ def range_gaps(evidence: Evidence) -> Iterator[Sighting]:
         bad = ~one.is_good & is_in_flight(evidence, one.time_us)
         spans = [(int(one.time_us[a]), int(one.time_us[b - 1])) for a, b in stretches_of(bad)]
         period_us = np.diff(one.time_us)  # telemetry is slower than the sensor
-        gaps = np.flatnonzero(period_us > max(_STALE_US, 3 * float(np.median(period_us)) if len(period_us) else 0))
+        gaps = np.flatnonzero(
+            period_us > max(limits.RANGE_STALE_US, 3 * float(np.median(period_us)) if len(period_us) else 0)
+        )
         gaps = gaps[is_in_flight(evidence, one.time_us[gaps])]
         spans = sorted([*spans, *((int(one.time_us[i]), int(one.time_us[i + 1])) for i in gaps)])
-        spans = [span for span in spans if span[1] - span[0] >= _STALE_US and good_us[0] < span[0]]
+        spans = [span for span in spans if span[1] - span[0] >= limits.RANGE_STALE_US and good_us[0] < span[0]]
         if spans:
             longest = max(spans, key=lambda span: span[1] - span[0])
             shown = bad & (one.time_us >= spans[0][0]) & (one.time_us <= spans[-1][1])
@@ -241,7 +232,7 @@ def range_stuck(evidence: Evidence) -> Iterator[Sighting]:
             known = height_m[start - 1 : end]
             known = known[np.isfinite(known)]
             took_us = int(one.time_us[end - 1] - one.time_us[start - 1])
-            if took_us >= _STUCK_US and len(known) and np.ptp(known) > _CLIMB_M:
+            if took_us >= limits.RANGE_STUCK_US and len(known) and np.ptp(known) > limits.RANGE_STUCK_CLIMB_M:
                 shown = np.zeros(len(one), np.bool_)
                 shown[start - 1 : end] = True
                 text = (
@@ -266,14 +257,14 @@ def range_stuck(evidence: Evidence) -> Iterator[Sighting]:
 )
 def range_outliers(evidence: Evidence) -> Iterator[Sighting]:
     for one in _down(evidence):
-        if one.is_good.sum() < _FEWEST:
+        if one.is_good.sum() < limits.FEWEST_RANGES:
             continue
         chosen = np.flatnonzero(one.is_good)
         dist_m = one.dist_m[chosen]
         around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(dist_m, 4, mode="edge"), 9), axis=1)
         off_m = np.abs(dist_m - around)
-        outlier = off_m > np.maximum(_OUTLIER_M, _OUTLIER * around)
-        if outlier.sum() >= 3 and outlier.sum() > _SOME * len(dist_m):
+        outlier = off_m > np.maximum(limits.OUTLIER_M, limits.OUTLIER_SHARE * around)
+        if outlier.sum() >= 3 and outlier.sum() > limits.OUTLIERS_SHARE * len(dist_m):
             shown = np.zeros(len(one), np.bool_)
             shown[chosen[outlier]] = True
             text = f"{share(int(outlier.sum()), len(dist_m))} good ranges are off by up to {off_m.max():.1f} m"
@@ -295,7 +286,7 @@ def range_scale(evidence: Evidence) -> Iterator[Sighting]:
         if found is None:
             continue
         factor, alike = found
-        if alike > _ALIKE and abs(factor - 1) > _OFF:
+        if alike > limits.RANGE_ALIKE_CORRELATION and abs(factor - 1) > limits.RANGE_SCALE_OFF:
             text = f"ranges grow {factor:.2f} times as much as the vehicle's height (correlation {alike:.2f})"
             yield seen(text, one, one.is_good)
 
@@ -304,7 +295,11 @@ def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> t
     """Return how much ranges, so late, grow with the height, and the correlation; None without a climb."""
     height_m = above_start_m(evidence, one.time_us - late_us)
     known = one.is_good & np.isfinite(height_m) & np.isfinite(one.dist_m)
-    if known.sum() < _FEWEST or np.ptp(height_m[known]) < _SCALE_CLIMB_M or np.ptp(one.dist_m[known]) == 0:
+    if (
+        known.sum() < limits.FEWEST_RANGES
+        or np.ptp(height_m[known]) < limits.RANGE_CLIMB_M
+        or np.ptp(one.dist_m[known]) == 0
+    ):
         return None
     alike = float(np.corrcoef(one.dist_m[known], height_m[known])[0, 1])
     return float(np.polyfit(height_m[known], one.dist_m[known], 1)[0]), alike
@@ -330,8 +325,10 @@ def range_late(evidence: Evidence) -> Iterator[Sighting]:
             continue
         late_us = max(alike, key=lambda at_us: alike[at_us])
         # Of what the height does not explain, another time explains most.
-        is_told = alike[late_us] > _ALIKE and 1 - alike[late_us] ** 2 < _LEFT * (1 - alike[0] ** 2)
-        if late_us >= _LATEST_US and is_told:
+        left, left_at_once = 1 - alike[late_us] ** 2, 1 - alike[0] ** 2
+        is_clear = alike[late_us] > limits.RANGE_ALIKE_CORRELATION
+        is_clear = is_clear and left < limits.RANGE_LATE_UNEXPLAINED * left_at_once
+        if late_us >= limits.RANGE_LATE_US and is_clear:
             text = f"ranges follow the vehicle's height about {1e-3 * late_us:.0f} ms later"
             yield seen(text, one, one.is_good)
 
@@ -352,8 +349,8 @@ def range_not_judged(evidence: Evidence) -> Iterator[Sighting]:
     for one in _down(evidence):
         found = _against_height(evidence, one)
         if found is None:
-            yield Sighting(f"{named(one)}: scale: nothing shows a climb of {_SCALE_CLIMB_M:g} m with good ranges")
-        elif found[1] <= _ALIKE:
+            yield Sighting(f"{named(one)}: scale: nothing shows a climb of {limits.RANGE_CLIMB_M:g} m with good ranges")
+        elif found[1] <= limits.RANGE_ALIKE_CORRELATION:
             yield Sighting(f"{named(one)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})")
     asks = _asking(evidence)
     if asks and not evidence.vehicle.ground.ranges:

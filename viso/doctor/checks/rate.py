@@ -9,16 +9,13 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.inputs.ingest_rules import TOO_SOON
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.sender_clock import FEWEST, sender_clock
 from viso.doctor.evidence.tracks import HandledMessage, Track
 
-_HEALTHY_US: Final = 300_000
-_FRESH_US: Final = 500_000
-_POSITION_LOST_US: Final = 7_000_000
-_GATE_US: Final = 20_000
 _HEALTH: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy"
 _INGEST: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData"
 _SECOND_US: Final = 1_000_000
@@ -37,14 +34,14 @@ def _gaps(evidence: Evidence) -> list[tuple[HandledMessage, HandledMessage, int]
     over_us = 1e6 * own.armed[-1][1] if own is not None and own.armed else np.inf
     pairs = itertools.pairwise(_taken(evidence))
     lengths = ((a, b, b.arrival_us - a.arrival_us) for a, b in pairs)
-    return [(a, b, length) for a, b, length in lengths if length >= _HEALTHY_US and a.arrival_us < over_us]
+    return [(a, b, length) for a, b, length in lengths if length >= limits.HEALTHY_US and a.arrival_us < over_us]
 
 
 def _slow_us(evidence: Evidence) -> float:
     """Return the time from one message to the next where they are too few; 0 elsewhere."""
     taken = _taken(evidence)
     interval = float(np.median(np.diff([one.arrival_us for one in taken]))) if len(taken) >= FEWEST else 0.0
-    return interval if interval >= 250_000 else 0.0
+    return interval if interval >= limits.SLOW_PERIOD_US else 0.0
 
 
 @check(
@@ -95,7 +92,7 @@ def _gaps_between(evidence: Evidence, least_us: int, most_us: int) -> Iterator[S
 )
 def gaps_of_300_ms(evidence: Evidence) -> Iterator[Sighting]:
     if not _slow_us(evidence):
-        yield from _gaps_between(evidence, _HEALTHY_US, _FRESH_US)
+        yield from _gaps_between(evidence, limits.HEALTHY_US, limits.FRESH_US)
 
 
 @check(
@@ -111,7 +108,7 @@ def gaps_of_300_ms(evidence: Evidence) -> Iterator[Sighting]:
 )
 def gaps_of_half_a_second(evidence: Evidence) -> Iterator[Sighting]:
     if not _slow_us(evidence):
-        yield from _gaps_between(evidence, _FRESH_US, _POSITION_LOST_US)
+        yield from _gaps_between(evidence, limits.FRESH_US, limits.POSITION_LOST_US)
 
 
 @check(
@@ -126,7 +123,7 @@ def gaps_of_half_a_second(evidence: Evidence) -> Iterator[Sighting]:
     fix="Find out what ended the stream. The sender must recover without help.",
 )
 def gaps_of_seven_seconds(evidence: Evidence) -> Iterator[Sighting]:
-    yield from _gaps_between(evidence, _POSITION_LOST_US, 1 << 62)
+    yield from _gaps_between(evidence, limits.POSITION_LOST_US, 1 << 62)
 
 
 def _samples(evidence: Evidence, kind: str) -> tuple[list[HandledMessage], list[HandledMessage]]:
@@ -159,7 +156,7 @@ def _median_interval_us(track: Track) -> float:
 def too_many_messages(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.stream.tracks:
         interval = _median_interval_us(track)
-        if len(track) < FEWEST or not 0 < interval < _GATE_US - 500:
+        if len(track) < FEWEST or not 0 < interval < limits.FAST_PERIOD_US:
             continue
         kind = "velocity" if track.sender.name == "VISION_SPEED_ESTIMATE" else "pose"
         offered, refused = _samples(evidence, kind)
@@ -179,12 +176,12 @@ def too_many_messages(evidence: Evidence) -> Iterator[Sighting]:
     fix=("Space messages evenly, send each measurement in one message only, and keep the rate clear of 50 per second."),
 )
 def samples_in_pairs(evidence: Evidence) -> Iterator[Sighting]:
-    fast = any(0 < _median_interval_us(track) < _GATE_US - 500 for track in evidence.stream.tracks)
+    fast = any(0 < _median_interval_us(track) < limits.FAST_PERIOD_US for track in evidence.stream.tracks)
     # By a clock that runs otherwise corrected times say nothing of how evenly messages come.
     odd = any(sender_clock(track) is not None for track in evidence.stream.tracks)
     for kind in () if fast or odd else ("pose", "velocity"):
         offered, refused = _samples(evidence, kind)
-        if len(offered) >= FEWEST and len(refused) > 0.05 * len(offered):
+        if len(offered) >= FEWEST and len(refused) > limits.TOO_SOON_SHARE * len(offered):
             text = f"{share(len(refused), len(offered))} {kind} samples came less than 20 ms after the one before"
             yield Sighting.in_messages(text, refused)
 
@@ -221,5 +218,5 @@ def same_measurement_twice(evidence: Evidence) -> Iterator[Sighting]:
 def few_messages(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.stream.tracks:
         interval = _median_interval_us(track)
-        if len(track) >= FEWEST and 100_000 < interval < 250_000:
+        if len(track) >= FEWEST and limits.FEW_PERIOD_US < interval < limits.SLOW_PERIOD_US:
             yield Sighting(f"{track.sender}: {1e6 / interval:.1f} messages per second", track.numbers.tolist())

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often, share
 from viso.doctor.evidence.evidence import Evidence
@@ -42,23 +43,16 @@ _OF_LOG: Final = ("SV", "SP", "SH", "SM")
 _OF_TELEMETRY: Final = ("velocity_variance", "pos_horiz_variance", "pos_vert_variance", "compass_variance")
 _UNITS: Final = ("m/s", "m", "m", "deg")
 _NEARLY: Final = 0.97
-_MUCH: Final = 0.1
-_LASTING_S: Final = 2.0
-_LONG_S: Final = 5.0
-_SHORT_S: Final = 1.0
-_SOME: Final = 0.05
 _TELLING: Final = 0.01
-_LOST_S: Final = 0.5
-_READY_S: Final = 10.0
-_FLAPPING: Final = 3
-_FEWEST: Final = 3
 
 
 def _how_bad(found: OverOne) -> Severity:
     """Return ERROR of a ratio that is above 1 for long or much of the time, NOTE of a single short excursion."""
-    if found.longest_s >= _LONG_S or (found.share >= _MUCH and found.over_s >= _LASTING_S):
+    is_much = found.share >= limits.RATIO_MUCH_SHARE and found.over_s >= limits.RATIO_LASTING_S
+    if found.longest_s >= limits.RATIO_LONG_S or is_much:
         return Severity.ERROR
-    return Severity.WARNING if found.over_s >= _SHORT_S or found.share >= _SOME else Severity.NOTE
+    is_some = found.over_s >= limits.RATIO_SHORT_S or found.share >= limits.RATIO_SOME_SHARE
+    return Severity.WARNING if is_some else Severity.NOTE
 
 
 def _told(own: OwnFilter, found: OverOne) -> str:
@@ -163,7 +157,7 @@ def sensor_unhealthy(evidence: Evidence) -> Iterator[Sighting]:
     count, times = int(enabled.sum()), vision.time_us[ill]
     if not (enabled & vision.healthy).any():
         text = f"SYS_STATUS: the vision sensor is enabled, and healthy in none of {count} messages"
-        severity = None if count >= _FEWEST else Severity.NOTE
+        severity = None if count >= limits.FEWEST_STATUSES else Severity.NOTE
         yield Sighting(text, start_us=int(times[0]), end_us=int(times[-1]), severity=severity)
         return
     first_well_us = int(vision.time_us[enabled & vision.healthy][0])
@@ -175,7 +169,7 @@ def sensor_unhealthy(evidence: Evidence) -> Iterator[Sighting]:
     armed = sum(start <= time_us * 1e-6 <= end for time_us in later.tolist() for start, end in own.armed or ())
     while_armed = f", {armed} of them armed" if armed else ""
     since = int((enabled & (vision.time_us >= first_well_us)).sum())
-    much = len(later) > 0.5 * since or armed > _MUCH * since
+    much = len(later) > 0.5 * since or armed > limits.RATIO_MUCH_SHARE * since
     yield Sighting(
         f"SYS_STATUS: once healthy, the vision sensor is unhealthy in {share(len(later), since)} messages"
         f"{while_armed}, first at {at(later[0])}",
@@ -243,7 +237,7 @@ def cores_disagree(evidence: Evidence) -> Iterator[Sighting]:
         text = f"the autopilot changed its primary core {how_often(len(lanes))}, at {at(first_us)} to core {core}"
         yield Sighting(text, start_us=first_us, end_us=lanes[-1][0])
     for one in own.others:
-        if one.over_s < _SHORT_S:
+        if one.over_s < limits.RATIO_SHORT_S:
             continue
         yield Sighting(
             f"core {one.core}, while it was not the primary one, had a test ratio above 1 for {one.over_s:.1f} s, from "
@@ -277,7 +271,7 @@ def never_navigated(evidence: Evidence) -> Iterator[Sighting]:
             f"{waited_s:.0f} s it never had either ({own.record}){_said(stops)}",
             start_us=int(own.time_us[wants][0]),
             end_us=int(own.time_us[wants][-1]),
-            severity=None if waited_s >= _READY_S or len(stops) >= _FLAPPING else Severity.NOTE,
+            severity=None if waited_s >= limits.WAITED_S or len(stops) >= limits.FEWEST_STOPS else Severity.NOTE,
         )
 
 
@@ -318,12 +312,12 @@ def lost_extnav(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _lost_for(own: OwnFilter, lost: Bools, what: str, stops: list[int]) -> Iterator[Sighting]:
-    spans = [span for span in own.lost_spans(lost) if span[1] - span[0] >= _LOST_S]
-    if not spans and len(stops) < _FLAPPING:
+    spans = [span for span in own.lost_spans(lost) if span[1] - span[0] >= limits.LOST_POSITION_S]
+    if not spans and len(stops) < limits.FEWEST_STOPS:
         return
     armed_s = overlap_s(own.armed or (), spans)
     first_us = int(1e6 * spans[0][0]) if spans else stops[0]
-    is_bad = armed_s > 0 or len(stops) >= _FLAPPING
+    is_bad = armed_s > 0 or len(stops) >= limits.FEWEST_STOPS
     yield Sighting(
         f"once it navigated by external navigation, the EKF was without {what} for {total_s(spans):.1f} s"
         f"{_armed(armed_s, total_s(spans))}, first at {at(first_us)}{_said(stops)}",

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import aligned_us, follows_vehicle
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often
@@ -20,19 +21,8 @@ from viso.streams.stream_kinds import Aspect
 
 _RESET: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::get_reset_timestamp_ms"
 _CONSUME: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::should_consume_sensor_data"
-_BASE_M: Final = 0.5
-_ACCELERATION: Final = 20.0
-_TURN: Final = 17.0  # rad/s^2
-_BASE_RAD: Final = math.radians(10)
-_FASTEST: Final = 20.0
-_NO_JUMP_M: Final = 0.05
-_NO_JUMP_RAD: Final = math.radians(2)
-_LONGEST_S: Final = 1.0
-_NEIGHBOURS: Final = 2
 _NEAR: Final = 5
 _OF_ONE_JUMP: Final = 3
-_SHAKEN: Final = 3.0
-_ALIGNED_WITHIN_US: Final = 100_000
 _TYPE_VOXL: Final = 3
 
 
@@ -62,7 +52,7 @@ def _steps(poses: Poses) -> _Steps:
     step = np.diff(poses.pos_m, axis=0)
     speed = step / np.maximum(dt, 1e-3)[:, None]
     size = np.linalg.norm(speed, axis=1, keepdims=True)
-    speed = np.where(size > _FASTEST, speed * (_FASTEST / size), speed)
+    speed = np.where(size > limits.JUMP_SPEED_M_S, speed * (limits.JUMP_SPEED_M_S / size), speed)
     before = np.vstack([speed[1:2], speed[:-1]])  # it may move from the first pose on
     off = np.linalg.norm(step - np.nan_to_num(before) * dt[:, None], axis=1)
     alone = np.linalg.norm(step, axis=1)
@@ -76,14 +66,21 @@ def _steps(poses: Poses) -> _Steps:
 
 
 def _jumped(steps: _Steps) -> Bools:
-    allowed = np.maximum(_BASE_M, 8 * steps.usual_m) + 0.5 * _ACCELERATION * np.minimum(steps.dt_s, 2.0) ** 2
+    allowed = (
+        np.maximum(limits.JUMP_M, 8 * steps.usual_m)
+        + 0.5 * limits.JUMP_ACCELERATION_M_S2 * np.minimum(steps.dt_s, 2.0) ** 2
+    )
     return np.asarray(steps.position_m > allowed, dtype=np.bool_)
 
 
 def _turned(steps: _Steps, poses: Poses) -> Bools:
     pitch = np.abs(euler_of_quat(poses.quat_wxyz)[1:, 1])
     level = pitch < math.radians(60)  # in a nose dive a small rotation may change yaw by much
-    allowed = _BASE_RAD + 0.5 * _TURN * np.minimum(steps.dt_s, 0.5) ** 2 + _SHAKEN * _shaking_rad(steps.turn_rad)
+    allowed = (
+        limits.JUMP_RAD
+        + 0.5 * limits.JUMP_TURN_RAD_S2 * np.minimum(steps.dt_s, 0.5) ** 2
+        + limits.SHAKEN_TIMES * _shaking_rad(steps.turn_rad)
+    )
     return np.asarray((level | (_rotation_off_rad(poses) > allowed)) & (steps.turn_rad > allowed), dtype=np.bool_)
 
 
@@ -125,7 +122,7 @@ def _resets(poses: Poses) -> _Resets:
     alone, bare = changed & ~leaps, leaps & ~changed
     shifted = np.zeros(len(changed), dtype=np.bool_)
     for index in np.flatnonzero(alone):
-        near = slice(max(0, index - _NEIGHBOURS), index + _NEIGHBOURS + 1)
+        near = slice(max(0, index - limits.COUNTER_NEIGHBOURS), index + limits.COUNTER_NEIGHBOURS + 1)
         if bare[near].any():
             shifted[index] = True
             shifted[near] |= bare[near]
@@ -141,7 +138,7 @@ def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
         arrival_us = poses.track.arrival_us[1:]
         by_autopilot = np.zeros(len(arrival_us), dtype=np.bool_)
         for time_us in aligned_us(evidence):
-            by_autopilot |= np.abs(arrival_us - time_us) < _ALIGNED_WITHIN_US
+            by_autopilot |= np.abs(arrival_us - time_us) < limits.ALIGNED_WITHIN_US
         leaps = ~by_autopilot | resets.changed
         jumped = resets.jumped & leaps & ~follows_vehicle(evidence, arrival_us)
         yield poses, resets._replace(jumped=jumped, turned=resets.turned & leaps)
@@ -231,8 +228,10 @@ def counter_without_jump(evidence: Evidence) -> Iterator[Sighting]:
         if _counter_flaps(poses):
             continue
         steps = resets.steps
-        near = max(_NO_JUMP_M, 3 * steps.usual_m)
-        quiet = (steps.position_m < near) & (steps.turn_rad < _NO_JUMP_RAD) & (steps.dt_s < _LONGEST_S)
+        near = max(limits.NO_JUMP_M, 3 * steps.usual_m)
+        quiet = (
+            (steps.position_m < near) & (steps.turn_rad < limits.NO_JUMP_RAD) & (steps.dt_s < limits.NO_JUMP_WITHIN_S)
+        )
         mask = np.asarray(resets.changed & quiet & ~resets.shifted, dtype=np.bool_)
         if mask.any():
             yield _at_steps(poses, mask, f"reset_counter changes {how_often(mask.sum())}, and the pose goes on")
@@ -310,7 +309,7 @@ def contradicting_poses(evidence: Evidence) -> Iterator[Sighting]:
         times = other.track.arrival_us[inside]
         there = np.column_stack([np.interp(times, one.track.arrival_us, one.pos_m[:, axis]) for axis in range(3)])
         apart = median_of(np.linalg.norm(there - other.pos_m[inside], axis=1))
-        if apart > _BASE_M:
+        if apart > limits.POSES_APART_M:
             yield Sighting.in_track(
                 f"{one.track.sender} and {other.track.sender} are {apart:.1f} m apart", other.track, inside
             )

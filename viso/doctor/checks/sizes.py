@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import is_related
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, masked
@@ -19,14 +20,7 @@ from viso.doctor.evidence.tracks import Poses, median_of
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
 _SCALED: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
-_FITS: Final = 0.9
-_SCALE_TOLERANCE: Final = 0.07
-_VEHICLE_TOLERANCE: Final = 0.04
-_SIGMAS: Final = 4.0
 _UNITS: Final = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres"))
-_FASTEST: Final = 60.0  # m/s that a vehicle with a camera may be thought to fly
-_GLITCH: Final = 2.0  # m/s
-_COARSE, _TOO_COARSE = 0.03, 0.1  # m
 
 
 def _scaled_fit(motion: Motion) -> Agreement | None:
@@ -58,7 +52,7 @@ def length_unit(evidence: Evidence) -> Iterator[Sighting]:
                 yield Sighting.in_track(f"{motion.pose_sender}: {text}", motion)
     for poses in evidence.stream.poses:
         speed = _path_speed(poses)
-        if poses.track.sender not in told and speed > _FASTEST:
+        if poses.track.sender not in told and speed > limits.FASTEST_M_S:
             numbers = poses.track.numbers.tolist()
             yield Sighting(f"{poses.track.sender}: positions change by {speed:.0f} m in a second", numbers)
 
@@ -87,9 +81,9 @@ def _path_speed(poses: Poses) -> float:
 def path_against_velocities(evidence: Evidence) -> Iterator[Sighting]:
     for motion in evidence.stream.motions:
         fit = _scaled_fit(motion)
-        if fit is None or fit.correlation < _FITS:
+        if fit is None or fit.correlation < limits.FITS_CORRELATION:
             continue
-        if abs(fit.scale - 1) > _SCALE_TOLERANCE and 0.1 < fit.scale < 10:
+        if abs(fit.scale - 1) > limits.PATH_SCALE_OFF and 0.1 < fit.scale < 10:
             scale = evidence.param("VISO_SCALE") / fit.scale
             cure = f"set VISO_SCALE to {scale:.3f}, or correct the source; else correct them."
             yield Sighting.in_track(
@@ -117,7 +111,9 @@ def position_scale(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.paths:
         found = compared.scale
         off = found.scale - setting
-        if not found.sufficient or abs(off) <= max(_VEHICLE_TOLERANCE * setting, _SIGMAS * found.sigma):
+        if not found.sufficient or abs(off) <= max(
+            limits.VEHICLE_SCALE_OFF * setting, limits.SCALE_SIGMAS * found.sigma
+        ):
             continue
         if not is_related(evidence, compared.poses):
             continue
@@ -145,7 +141,7 @@ def position_scale(evidence: Evidence) -> Iterator[Sighting]:
 def velocity_always_zero(evidence: Evidence) -> Iterator[Sighting]:
     for motion in evidence.stream.motions:
         path, used = typical_speed(motion.path), typical_speed(motion.used)
-        if motion.is_enough and used < 0.02 * min(path, 1.0):
+        if motion.is_enough and used < limits.ZERO_SPEED_SHARE * min(path, 1.0):
             text = f"velocity stays 0 while the path moves at {path:.2f} m/s"
             yield Sighting.in_track(f"{motion.velocity_sender}: {text}", motion)
 
@@ -168,7 +164,7 @@ def velocity_spikes(evidence: Evidence) -> Iterator[Sighting]:
         sides = np.linalg.norm(told[2:] - told[:-2], axis=1)
         usual = median_of(off)
         mask = np.zeros(len(track), dtype=np.bool_)
-        mask[1:-1] = (off > max(_GLITCH, 10 * usual)) & (sides < 0.5 * off)
+        mask[1:-1] = (off > max(limits.GLITCH_M_S, 10 * usual)) & (sides < 0.5 * off)
         if mask.any():
             yield from masked(f"have a velocity that is up to {np.max(off[mask[1:-1]]):.1f} m/s off", track, mask)
 
@@ -189,7 +185,7 @@ def velocity_leaves_path(evidence: Evidence) -> Iterator[Sighting]:
         fit = agreement(motion.path, motion.used)
         off = np.linalg.norm(motion.path - motion.used, axis=1)
         usual = float(np.median(off))
-        mask = off > max(_GLITCH, 6 * usual)
+        mask = off > max(limits.GLITCH_M_S, 6 * usual)
         mask &= np.linalg.norm(motion.used, axis=1) > 2 * np.linalg.norm(motion.path, axis=1) + 1
         if usual < 0.5 and 3 <= np.count_nonzero(mask) < 0.5 * len(mask) and fit.scale > 0:
             chosen = np.flatnonzero(mask)
@@ -240,7 +236,7 @@ def far_from_origin(evidence: Evidence) -> Iterator[Sighting]:
         largest = np.abs(poses.pos_m).max(axis=1)
         distance = median_of(largest[np.isfinite(largest)])
         step = float(np.spacing(np.float32(distance)))
-        if step >= _COARSE:
+        if step >= limits.COARSE_STEP_M:
             text = f"positions are {distance:.3g} m from the origin, where a binary32 counts in steps of {step:.2g} m"
-            severity = None if step >= _TOO_COARSE else Severity.WARNING
+            severity = None if step >= limits.TOO_COARSE_STEP_M else Severity.WARNING
             yield Sighting.in_track(f"{poses.track.sender}: {text}", poses.track, slice(None), severity=severity)

@@ -10,6 +10,7 @@ import numpy as np
 
 from mav_handlers.verdicts import BAD_CRC, NOT_ACCEPTED, NOT_ADDRESSED, OWN_MESSAGE, UNKNOWN_MESSAGE
 from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, PARAM_SET, SET_GPS_GLOBAL_ORIGIN
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, by_type, listed, share
 from viso.doctor.evidence.evidence import Evidence
@@ -18,8 +19,6 @@ from viso.doctor.evidence.stream_data import VISION_NAMES
 from viso.doctor.evidence.tracks import Bools, Ints, Track
 from viso.streams.stream_kinds import Aspect
 
-_LEAST_LOST: Final = 3
-_LOST_SHARE: Final = 0.02
 _MOST_ASKING: Final = 3
 _ROUTING: Final = "MAVLink_routing.cpp, MAVLink_routing::check_and_forward"
 _FOR_THE_AUTOPILOT: Final = (SET_GPS_GLOBAL_ORIGIN, COMMAND_LONG, COMMAND_INT, PARAM_SET)
@@ -120,7 +119,7 @@ def lost_messages(evidence: Evidence) -> Iterator[Sighting]:
             continue
         missing = np.flatnonzero(_is_missing_one(evidence, track))
         if len(missing):
-            is_rare = len(missing) < _LEAST_LOST or len(missing) < _LOST_SHARE * len(track)
+            is_rare = len(missing) < limits.FEWEST_LOST or len(missing) < limits.LOST_SHARE * len(track)
             total = share(len(missing), len(track))
             yield Sighting(
                 f"{track.sender}: behind {total} messages sequence numbers are missing, and so is a message",
@@ -257,7 +256,7 @@ def repeated_messages(evidence: Evidence) -> Iterator[Sighting]:
         if latest.get(key) == one.frame:
             found.append(one)
         latest[key] = one.frame
-    if len(found) >= _LEAST_LOST:
+    if len(found) >= limits.FEWEST_LOST:
         yield Sighting.in_messages(
             f"{share(len(found), len(evidence.stream.vision))} messages came twice, byte for byte", found
         )

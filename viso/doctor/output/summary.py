@@ -12,13 +12,13 @@ import numpy as np
 
 from ap_core.verdict import Outcome
 from ekf_stub.reports.aiding_mode import AidingMode
+from viso.doctor.checks import limits
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.lags import lateness_ms, tells_lags
 from viso.doctor.evidence.own_filter import CHANNELS, NOT_TOLD, OwnFilter, Witness, source_name
 from viso.streams.stream_kinds import Aspect
 from viso.vehicle.outcomes.labels import Fate, fate_of
 
-HEALTHY_US: Final = 300_000
 LAG_EDGES_MS: Final = (5, 10, 20, 50, 100, 200, 500)
 
 
@@ -166,7 +166,7 @@ def summarise(evidence: Evidence) -> Summary:
         rate_hz=_rates(evidence),
         samples=_samples(evidence),
         healthy_from_us=taken[0] if taken else None,
-        unhealthy=sum(later - earlier >= HEALTHY_US for earlier, later in itertools.pairwise(taken)),
+        unhealthy=sum(later - earlier >= limits.HEALTHY_US for earlier, later in itertools.pairwise(taken)),
         aiding_from_us=aided[0].start_us if aided else None,
         aiding_until_us=aided[-1].end_us if aided and not goes_on else None,
         lags=() if Aspect.ARRIVAL in evidence.stream.lacks else _lags(evidence),
