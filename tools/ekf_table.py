@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Final
 
 from tools.measured_page import render, replace
-from viso.compare.ekf import targets as ekf_targets
-from viso.compare.ekf.comparison import Comparison, compare
-from viso.compare.ekf.run import replay_ekf
+from viso.compare.estimates import EstimateComparison, compare_estimates
+from viso.compare.tolerances import end_s, kind_of_log, log_name
 from viso.errors import InputError
+from viso.replay.ekf.run import replay_ekf
 from viso.terminal.console import progress
 
 LOGS: Final = Path(__file__).resolve().parent.parent / "tests" / "data" / "logs"
@@ -34,11 +34,11 @@ HEAD: Final = (
 )
 
 
-def _largest_rms(comparison: Comparison, *labels: str) -> float:
+def _largest_rms(comparison: EstimateComparison, *labels: str) -> float:
     return max(comparison.errors[label].rms for label in labels)
 
 
-def row(name: str, comparison: Comparison) -> tuple[str, ...]:
+def row(name: str, comparison: EstimateComparison) -> tuple[str, ...]:
     """Return a row: where a cell stands for several quantities, it holds the largest figure."""
     worst = max(comparison.errors[label].worst for label in ("PN", "PE"))
     texts = comparison.texts
@@ -52,7 +52,7 @@ def row(name: str, comparison: Comparison) -> tuple[str, ...]:
         f"{1e3 * _largest_rms(comparison, 'IPN', 'IPE', 'IPD'):.1f}, "
         f"{1e3 * _largest_rms(comparison, 'IVN', 'IVE', 'IVD'):.1f}",
         f"{100 * comparison.equal['TS']:.1f} %, {100 * comparison.equal['SS']:.1f} %",
-        f"no, {len(texts.lines)} differ" if texts.lines else f"yes, {texts.worst_s:.3f} s",
+        f"no, {texts}" if texts.differences else f"yes, {texts.worst_s:.3f} s",
         "met" if comparison.passed else "missed",
     )
 
@@ -65,8 +65,8 @@ def rows(logs: Sequence[Path]) -> Iterator[tuple[str, ...]]:
     """
     with progress("filtering", len(logs)) as show:
         for number, log in enumerate(logs, 1):
-            replay = replay_ekf(log, until_s=ekf_targets.end_s(log))
-            yield row(ekf_targets.log_name(log), compare(replay, bench=ekf_targets.is_bench(log)))
+            replay = replay_ekf(log, until_s=end_s(log))
+            yield row(log_name(log), compare_estimates(replay, kind_of_log(log)))
             show(number)
 
 

@@ -44,7 +44,7 @@ from viso.companion.sources.kinds import SOURCES
 from viso.companion.vio.config import VioConfig
 from viso.compare.figures import OBJECTIVES
 from viso.compare.recordings import RECORDING_KINDS
-from viso.compare.rules import TEXT_EXCEPTIONS, TOLERANCES
+from viso.compare.tolerances import TEXT_EXCEPTIONS, TOLERANCES
 from viso.doctor.checks import CHECKS as DOCTOR_CHECKS
 from viso.doctor.checks import FAMILIES as DOCTOR_FAMILIES
 from viso.doctor.evidence.own_filter import Witness
@@ -140,7 +140,7 @@ def _tolerances() -> Iterator[tuple[str, ...]]:
     for row in TOLERANCES:
         fields = ", ".join(f"`{field}`" for field in row.fields)
         backends = ", ".join(map(str, row.backends)) or "all"
-        yield row.kind, fields, backends, f"{row.within:g} {row.unit}{' rms' if row.is_rms else ''}".strip(), row.reason
+        yield row.kind, fields, backends, row.limits(), row.reason
 
 
 def _text_exceptions() -> Iterator[tuple[str, ...]]:

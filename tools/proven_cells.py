@@ -13,9 +13,9 @@ from pathlib import Path
 
 from rich.table import Table
 
-from viso.compare.ekf.run import NothingToCompare
 from viso.compare.recordings import compare_recording, recordings_in
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.replay.ekf.run import NothingToCompare
 from viso.terminal.console import err, out
 
 PARTS = ("visual_odom", "endpoint", "ekf")

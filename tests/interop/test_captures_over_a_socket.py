@@ -21,7 +21,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
 from tests.places import DATA
-from viso.compare.rules import TEXT_EXCEPTIONS
+from viso.compare.tolerances import TEXT_EXCEPTIONS
 from viso.replay.feed import batches
 from viso.streams.stream_kinds import Stream, read_stream
 

@@ -8,15 +8,16 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from tests.places import DATA
-from viso.compare.agreement import Difference
-from viso.compare.captures import Capture, ack_differences, is_close, record_differences, text_differences
+from viso.compare.captures import Capture, ack_differences, record_differences, text_differences
+from viso.compare.differences import Difference, is_equal
 from viso.compare.recordings import kind_of
-from viso.compare.rules import ABOUT_VISUAL_ODOM, CAPTURE, tolerances_of
+from viso.compare.tolerances import ABOUT_VISUAL_ODOM, CAPTURE, tolerances_of
 from viso.firmware.releases import REFERENCE
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ def test_results_of_commands_are_the_firmwares(run: "Replayed") -> None:
 def test_release_is_told_by_the_capture_or_the_log_beside_it(run: "Replayed") -> None:
     release, _, stem = run.name.rpartition("/")
     path = DATA / release / "captures" / f"{stem}.jsonl.gz"
-    told = kind_of(path).told(path)
+    told = kind_of(path).firmware_of(path)
     assert told is not None
     assert told.name == (release or REFERENCE.name)
 
@@ -179,8 +180,9 @@ def test_errors_of_an_aligned_pose_are_exact(replayed: Replays) -> None:
 
 def test_yaw_is_compared_across_north() -> None:
     yaw = tolerances_of(CAPTURE, backend=2)["VISP.Y"]
-    assert is_close(bits_of(359.95), bits_of(0.05), yaw)
-    assert not is_close(bits_of(359.95), bits_of(0.25), yaw)
+    north = np.float32(359.95)
+    assert is_equal("VISP.Y", north, np.float32(0.05), yaw)
+    assert not is_equal("VISP.Y", north, np.float32(0.25), yaw)
 
 
 def test_pose_of_the_mav_backend_has_no_tolerance_but_in_time() -> None:

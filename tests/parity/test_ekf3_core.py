@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 from tests.parity.behaviours.logs import LOGS, Recordings, recordings_of_run
-from viso.compare.ekf import targets as ekf_targets
-from viso.compare.ekf.comparison import compare
-from viso.compare.ekf.run import EkfReplay, replay_ekf
+from viso.compare.estimates import compare_estimates
 from viso.compare.logs import estimate_differences
+from viso.compare.tolerances import kind_of_log, log_name
 from viso.errors import InputError
+from viso.replay.ekf.run import EkfReplay, replay_ekf
 
-NAMES: Final = sorted(ekf_targets.log_name(path) for path in LOGS.glob("*.BIN.xz"))
+NAMES: Final = sorted(log_name(path) for path in LOGS.glob("*.BIN.xz"))
 SHORTEST: Final = "bench_no_yaw_source"
 """The usual run takes this one whole."""
 
@@ -46,7 +46,7 @@ def check(run: EkfReplay) -> None:
 def test_whole_log_is_the_firmwares(name: str, recordings: Recordings) -> None:
     run = recordings.replay(name)
     check(run)
-    comparison = compare(run, bench=name.startswith(ekf_targets.BENCH_PREFIX))
+    comparison = compare_estimates(run, kind_of_log(Path(name)))
     assert len(run.time_s) > 90
     assert [target for target in comparison.checks if not target.passed] == []
 

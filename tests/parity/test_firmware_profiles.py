@@ -14,11 +14,11 @@ import pytest
 
 from ap_visualodom.log_structure import VISP, VISV
 from tests.places import DATA
-from viso.compare.ekf import targets as ekf_targets
-from viso.compare.ekf.comparison import compare
-from viso.compare.ekf.run import replay_ekf
+from viso.compare.estimates import compare_estimates
+from viso.compare.tolerances import FLIGHT, end_s
 from viso.compare.vectors import line_differences
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.replay.ekf.run import replay_ekf
 from viso.replay.feed import Replay
 from viso.replay.vectors import recompute
 from viso.streams.stream_kinds import read_stream
@@ -165,7 +165,7 @@ def test_captures_without_covariance_come_out_the_same_in_all_before_april(name:
 
 def missed(log: Path, firmware: Firmware | None = None) -> list[str]:
     """Return what the filter says otherwise than a log's, as a release; by default as the log's own."""
-    comparison = compare(replay_ekf(log, firmware=firmware).until(ekf_targets.end_s(log)), bench=False)
+    comparison = compare_estimates(replay_ekf(log, firmware=firmware).until(end_s(log)), FLIGHT)
     assert comparison.records > 300
     return [check.what for check in comparison.checks if not check.passed]
 

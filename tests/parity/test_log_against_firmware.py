@@ -5,19 +5,20 @@
 import csv
 import io
 import lzma
-import math
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
 from tests.places import DATA
+from viso.compare.differences import Difference, Row, row_differences
+from viso.compare.tolerances import CAPTURE, CAPTURE_LOG, tolerances_of
 
 if TYPE_CHECKING:
     from tests.parity.conftest import Replayed
@@ -29,22 +30,16 @@ LATER = "2026-02/t265"
 """A log of another release, which stands before its name."""
 
 TYPES = ("VISP", "VISV", "REPH", "REVH", "RVOH")
-# The corrected time, whichever way the record calls it; the read may be up to a loop before the handling.
-TIMES_MS = {("VISP", "CTimeMS"), ("VISV", "CTimeMS"), ("REPH", "TS"), ("REVH", "TS")}
-TIME_TOLERANCE_MS = 3
-# These depend on the attitude of the AHRS, which is taken from the firmware's log at 10 Hz.
-LINEAR_TOLERANCE = 2e-3
-LINEAR_FIELDS = {"PX", "PY", "PZ", "VX", "VY", "VZ"}
-ANGLE_TOLERANCE_DEG = 0.2
-ANGLE_FIELDS = {"R", "P", "Y"}
-QUATERNION_TOLERANCE = math.radians(ANGLE_TOLERANCE_DEG) / 2
-QUATERNION_FIELDS = {"Q1", "Q2", "Q3", "Q4"}
-# The time of the last reset: the corrected time of a sample.
-RESET_TIME = ("REPH", "RT")
-
-Row = dict[str, Any]
 Rows = dict[str, list[Row]]
 Replays = Callable[[str], "Replayed"]
+
+
+class Both(NamedTuple):
+    """The records of a log of the firmware and of ours, and VISO_TYPE."""
+
+    recorded: Rows
+    ours: Rows
+    backend: int
 
 
 @contextmanager
@@ -57,7 +52,8 @@ def rows_of(path: Path) -> Rows:
     rows: Rows = {kind: [] for kind in TYPES}
     with opened(path) as log:
         while (record := log.recv_match(type=list(TYPES))) is not None:
-            rows[record.get_type()].append({name: getattr(record, name) for name in record._fieldnames})
+            values = {name: getattr(record, name) for name in record._fieldnames}
+            rows[record.get_type()].append(Row(record.get_type(), values))
     return rows
 
 
@@ -102,47 +98,31 @@ USUAL = {"t265"}
     scope="session",
     params=[pytest.param(name, marks=() if name in USUAL else pytest.mark.slow) for name in (*KEPT, LATER)],
 )
-def both(request: pytest.FixtureRequest, replayed: Replays, firmware_log: Callable[[str], Path]) -> tuple[Rows, Rows]:
+def both(request: pytest.FixtureRequest, replayed: Replays, firmware_log: Callable[[str], Path]) -> Both:
     """Return the firmware's records and ours, of one log after the other; the tests of each come together."""
-    return rows_of(firmware_log(request.param)), rows_of(replayed(request.param).log)
+    run = replayed(request.param)
+    return Both(rows_of(firmware_log(request.param)), rows_of(run.log), run.recorded.backend)
 
 
-def is_close(kind: str, field: str, theirs: float, ours: float) -> bool:
-    if (kind, field) in TIMES_MS or (kind, field) == RESET_TIME:
-        return abs(theirs - ours) <= TIME_TOLERANCE_MS
-    if field in LINEAR_FIELDS:
-        return abs(theirs - ours) <= LINEAR_TOLERANCE
-    if field in ANGLE_FIELDS:
-        return abs(math.remainder(theirs - ours, 360)) <= ANGLE_TOLERANCE_DEG
-    if field in QUATERNION_FIELDS:
-        return abs(theirs - ours) <= QUATERNION_TOLERANCE
-    return theirs == ours
-
-
-def differences(kind: str, theirs: list[Row], ours: list[Row]) -> list[str]:
-    found = [] if len(theirs) == len(ours) else [f"{len(theirs)} records, {len(ours)} of ours"]
+def differences(theirs: list[Row], ours: list[Row], backend: int) -> list[Difference]:
+    found = [] if len(theirs) == len(ours) else [Difference("end", "records", str(len(theirs)), str(len(ours)))]
+    tolerances = {**tolerances_of(CAPTURE, backend), **tolerances_of(CAPTURE_LOG, backend)}
     for number, (before, after) in enumerate(zip(theirs, ours, strict=False)):
-        assert before.keys() == after.keys()
-        found += [
-            f"{kind}[{number}].{field}: {before[field]} is not {after[field]}"
-            for field in before
-            if not is_close(kind, field, before[field], after[field])
-        ]
+        found += row_differences(f"record {number}", [before], [after], tolerances, units={})
     return found
 
 
 @pytest.mark.parametrize("kind", ["VISP", "VISV", "REPH", "REVH"])
-def test_records_are_the_firmwares(both: tuple[Rows, Rows], kind: str) -> None:
-    theirs, ours = (rows[kind] for rows in both)
-    assert len(ours) > 400
-    assert differences(kind, theirs, ours) == []
+def test_records_are_the_firmwares(both: Both, kind: str) -> None:
+    assert len(both.ours[kind]) > 400
+    assert differences(both.recorded[kind], both.ours[kind], both.backend) == []
 
 
-def test_state_of_the_camera_changes_as_the_firmwares(both: tuple[Rows, Rows]) -> None:
+def test_state_of_the_camera_changes_as_the_firmwares(both: Both) -> None:
     # The firmware's log goes on after the stream has ended, by one record: the camera is unhealthy then.
-    theirs, ours = (rows["RVOH"] for rows in both)
+    theirs, ours = both.recorded["RVOH"], both.ours["RVOH"]
     assert ours == theirs[: len(ours)]
-    assert [row["H"] for row in theirs[len(ours) :]] == [0]
+    assert [row.values["H"] for row in theirs[len(ours) :]] == [0]
 
 
 @pytest.mark.slow
@@ -159,10 +139,10 @@ def test_unit_and_multiplier_records_are_the_firmwares(replayed: Replays, firmwa
 
 def test_difference_of_a_log_record_is_found(replayed: Replays) -> None:
     ours = rows_of(replayed("t265").log)["REPH"]
-    changed = [{**ours[0], "PEr": 0.25}, *ours[1:]]
-    assert differences("REPH", ours, ours) == []
-    assert len(differences("REPH", changed, ours)) == 1
-    assert differences("REPH", ours[:-1], ours) == [f"{len(ours) - 1} records, {len(ours)} of ours"]
+    changed = [Row("REPH", {**ours[0].values, "PEr": 0.25}), *ours[1:]]
+    assert differences(ours, ours, 2) == []
+    assert [one.field for one in differences(changed, ours, 2)] == ["REPH.PEr"]
+    assert differences(ours[:-1], ours, 2) == [Difference("end", "records", str(len(ours) - 1), str(len(ours)))]
 
 
 @pytest.mark.slow

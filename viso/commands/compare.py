@@ -2,21 +2,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``viso compare``: recordings of an autopilot held against viso."""
 
-import os
-from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Final
 
 import typer
-from rich.table import Column, Table
-from rich.text import Text
 
-from viso.compare.agreement import Comparison
-from viso.compare.ekf.run import NothingToCompare
-from viso.compare.page import FIELDS_HEAD, field_rows, make_page, summary_row
-from viso.compare.page import HEAD as SUMMARY_HEAD
+from viso.compare.comparison import Comparison
+from viso.compare.outputs import Comparisons, field_table, firmware_table, make_page, summary_table
 from viso.compare.recordings import compare_recording, compare_with_all, most_like, recordings_in
 from viso.errors import InputError, file_errors
 from viso.extras import installed_version
@@ -25,15 +19,13 @@ from viso.firmware.releases import PROFILES, Firmware
 from viso.recording.driving import MASTER_HELP, record_at
 from viso.recording.outputs import write_recording
 from viso.recording.scenario import read_scenario
+from viso.replay.ekf.run import NothingToCompare
 from viso.terminal.console import err, out, progress
 from viso.terminal.firmware import firmware_of
 from viso.terminal.outputs import Output
 from viso.terminal.signals import stop_on_signal
 
 _FINDINGS: Final = 1
-
-Found = Mapping[str, Comparison]
-"""Comparisons of a recording, by the profile that viso was."""
 
 
 def compare(
@@ -96,19 +88,19 @@ def compare(
         found = _compare_all(recordings, chosen, which=which)
     nearest = sorted(most_like(found), key=lambda name: name not in _named(found)) if which else []
     # That under the profile which is nearest to all recordings, or the only one.
-    told = [one[nearest[0]] if nearest else next(iter(one.values())) for one in found]
+    shown = [one[nearest[0]] if nearest else next(iter(one.values())) for one in found]
     if as_json:
         rows = [one.as_dict() for comparisons in found for one in comparisons.values()]
         like = {"most_like": nearest} if which else {}
-        out.print_json(data={"passed": all(one.passed for one in told), "comparisons": rows, **like})
+        out.print_json(data={"passed": all(one.passed for one in shown), "comparisons": rows, **like})
     else:
-        _tell(told)
+        _print(shown)
         if which:
-            _tell_which(found, nearest)
+            _print_which(found, nearest)
     if output is not None:
         with write_text(output) as file:
             file.write(make_page([one for comparisons in found for one in comparisons.values()], installed_version()))
-    if not (whole and all(one.passed for one in told)):
+    if not (whole and all(one.passed for one in shown)):
         raise typer.Exit(_FINDINGS)
 
 
@@ -126,9 +118,9 @@ def _recorded(scenario_name: str, master: str, folder: Path) -> tuple[Path, bool
     return place, not recording.problems
 
 
-def _compare_all(recordings: list[Path], chosen: Firmware | None, *, which: bool) -> list[Found]:
+def _compare_all(recordings: list[Path], chosen: Firmware | None, *, which: bool) -> list[Comparisons]:
     paths = list(recordings_in(recordings))
-    found: list[Found] = []
+    found: list[Comparisons] = []
     for number, (path, of_folder) in enumerate(paths, 1):
         try:
             found.append(_compared(path, chosen, f"{number} of {len(paths)}: {path.name}", which=which))
@@ -141,7 +133,7 @@ def _compare_all(recordings: list[Path], chosen: Firmware | None, *, which: bool
     return found
 
 
-def _compared(path: Path, chosen: Firmware | None, title: str, *, which: bool) -> Found:
+def _compared(path: Path, chosen: Firmware | None, title: str, *, which: bool) -> Comparisons:
     with progress(title, None) as show:
         if which:
             return compare_with_all(path, show)
@@ -149,51 +141,24 @@ def _compared(path: Path, chosen: Firmware | None, title: str, *, which: bool) -
         return {comparison.firmware: comparison}
 
 
-def _short_names(paths: list[Path]) -> dict[Path, str]:
-    """Return the names of files from the folder on that all are in."""
-    folder = os.path.commonpath([path.absolute().parent for path in paths])
-    return {path: str(path.absolute().relative_to(folder)) for path in paths}
-
-
-def _tell(comparisons: list[Comparison]) -> None:
-    numbers = (Column(name, justify="right") for name in SUMMARY_HEAD[3:])
-    summary = Table(
-        Column(SUMMARY_HEAD[0], overflow="fold"), *SUMMARY_HEAD[1:3], *numbers, title="Recordings against viso"
-    )
-    names = _short_names([one.path for one in comparisons])
-    for one in comparisons:
-        _, *cells, differ = summary_row(one)
-        summary.add_row(names[one.path], *cells, Text(differ, "green" if one.passed else "red"))
-    out.print(summary)
+def _print(comparisons: list[Comparison]) -> None:
+    out.print(summary_table(comparisons))
     for one in comparisons:
         for note in one.notes:
             err.print(f"note: {one.path}: {note}")
         if not one.passed:
-            fields = Table(
-                *(Column(name, overflow="fold") for name in FIELDS_HEAD), title=f"{one.path} as {one.firmware}"
-            )
-            for row in field_rows(one):
-                fields.add_row(*row)
-            out.print(fields)
+            out.print(field_table(one))
 
 
-def _tell_which(found: list[Found], nearest: list[str]) -> None:
-    names = _short_names([one.path for comparisons in found for one in comparisons.values()])
-    table = Table(
-        Column("differ", overflow="fold"), *(Column(name, justify="right") for name in PROFILES), title="By firmware"
-    )
-    for comparisons in found:
-        table.add_row(
-            names[next(iter(comparisons.values())).path], *(str(len(one.differences)) for one in comparisons.values())
-        )
-    out.print(table)
+def _print_which(found: list[Comparisons], nearest: list[str]) -> None:
+    out.print(firmware_table(found))
     named = _named(found)
-    says = f" (they say that they are of {', '.join(named)})" if named else ""
-    out.print(f"most like {' and '.join(nearest)}{says}")
+    of_names = f" (they say that they are of {', '.join(named)})" if named else ""
+    out.print(f"most like {' and '.join(nearest)}{of_names}")
     if len(nearest) > 1:
         err.print("note: these recordings do not tell one from the other; record a conversation as well")
 
 
-def _named(found: list[Found]) -> list[str]:
+def _named(found: list[Comparisons]) -> list[str]:
     """Return the profiles that the recordings name."""
     return list(dict.fromkeys(one.named for comparisons in found for one in comparisons.values() if one.named))

@@ -3,22 +3,19 @@
 """``viso ekf``: run the filter over a log with replay records."""
 
 import math
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
-from viso.compare.ekf import targets as ekf_targets
-from viso.compare.ekf.comparison import Comparison, compare
-from viso.compare.ekf.events import Differences, compare_texts
-from viso.compare.ekf.run import EkfRun
-from viso.compare.ekf.run import until as until_time
+from viso.compare.estimates import EstimateComparison, compare_estimates
+from viso.compare.events import compare_texts
+from viso.compare.outputs import estimate_table
+from viso.compare.tolerances import end_s, kind_of_log, tolerances_of
 from viso.errors import InputError, file_errors
 from viso.files.outputs import check_place
-from viso.firmware.releases import Firmware
+from viso.replay.ekf.run import EkfRun
+from viso.replay.ekf.run import until as until_time
 from viso.terminal.console import err, out, progress
 from viso.terminal.firmware import RecordedFirmwareOption, firmware_of
 from viso.terminal.outputs import Output
@@ -69,27 +66,34 @@ def ekf(
         if with_comparison:
             err.print(f"note: {log} has no XKF records to compare with")
         return
-    end_s = ekf_targets.end_s(log)
-    lanes = compare_texts(*(until_time(texts, end_s) for texts in (run.our_lanes, run.recorded_lanes)))
-    passed = all(comparison.passed for comparison in comparisons.values()) and (core is not None or not lanes.lines)
+    recorded, ours = (until_time(texts, end_s(log)) for texts in (run.recorded_lanes, run.our_lanes))
+    lanes = compare_texts("MSG", recorded, ours, tolerances_of(kind_of_log(log)))
+    are_equal = core is not None or not lanes.differences
+    passed = are_equal and all(comparison.passed for comparison in comparisons.values())
+    profile = run.firmware and run.firmware.name
     if as_json:
-        of_cores = [{"core": number, "imu": run.imus[number], **asdict(found)} for number, found in comparisons.items()]
-        about = {"log": str(log), "firmware": run.firmware and run.firmware.name, "passed": passed}
-        out.print_json(data={**about, "cores": of_cores, "lanes": None if core is not None else asdict(lanes)})
+        of_cores = [
+            {"core": number, "imu": run.imus[number], **found.as_dict()} for number, found in comparisons.items()
+        ]
+        about = {"log": str(log), "firmware": profile, "passed": passed}
+        out.print_json(data={**about, "cores": of_cores, "lanes": None if core is not None else lanes.as_dict()})
     else:
         for number, comparison in comparisons.items():
-            _show(f"{log.name}, core {number} (IMU {run.imus[number]})", comparison, run.firmware)
-        if core is None:
-            _show_lanes(lanes)
+            name = f"{log.name}, core {number} (IMU {run.imus[number]})"
+            _print(f"{name}: {comparison.records} records compared, firmware {profile}", comparison)
+        if core is None and (lanes.differences or lanes.matched):
+            out.print(f"changes of the primary core: {lanes}")
+            for difference in lanes.differences:
+                out.print(str(difference))
     if check and not passed:
         raise typer.Exit(_FINDINGS)
 
 
-def _compared(run: EkfRun, log: Path) -> dict[int, Comparison]:
-    """Return what is to be said of each core of which the log has estimates."""
+def _compared(run: EkfRun, log: Path) -> dict[int, EstimateComparison]:
+    """Return the comparison of each core of which the log has estimates."""
     replays = {number: run.comparison(number) for number in run.imus}
     return {
-        number: compare(replay.until(ekf_targets.end_s(log)), bench=ekf_targets.is_bench(log))
+        number: compare_estimates(replay.until(end_s(log)), kind_of_log(log))
         for number, replay in replays.items()
         if replay is not None
     }
@@ -108,22 +112,9 @@ def _run(run: EkfRun, output: Path | None) -> None:
         run.output.save(output)
 
 
-def _show(name: str, comparison: Comparison, firmware: Firmware | None) -> None:
-    title = f"{name}: {comparison.records} records compared, firmware {firmware and firmware.name}"
-    table = Table("", "against the log", "target", "", title=title)
-    for check in comparison.checks:
-        mark = Text("") if not check.target else Text("ok", "green") if check.passed else Text("missed", "red")
-        table.add_row(check.what, check.figure, check.target, mark)
-    out.print(table)
+def _print(title: str, comparison: EstimateComparison) -> None:
+    out.print(estimate_table(title, comparison))
     ours, recorded = ("never" if time_s is None else f"at {time_s:.3f} s" for time_s in comparison.aiding_s)
     out.print(f"aiding starts {ours}, the log's {recorded}")
-    for line in comparison.texts.lines:
-        out.print(f"text at {line}")
-
-
-def _show_lanes(lanes: Differences) -> None:
-    if lanes.lines or lanes.matched:
-        found = f"{len(lanes.lines)} differ" if lanes.lines else f"{lanes.matched} equal, within {lanes.worst_s:.3f} s"
-        out.print(f"changes of the primary core: {found}")
-    for line in lanes.lines:
-        out.print(f"text at {line}")
+    for difference in comparison.texts.differences:
+        out.print(str(difference))

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was recorded against what viso computes: vectors, captures, logs, filters and replays, field by field."""
+"""The comparer: recordings against viso and replays against replays, field by field, with one table of tolerances."""

@@ -2,19 +2,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Captures: each message again into a vehicle, and what the autopilot made of it beside what the vehicle does."""
 
-import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from ap_core.log_structure import UNITS, LogStructure
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK
-from viso.compare.agreement import Comparison, Difference, sequence_differences
-from viso.compare.rules import ABOUT_VISUAL_ODOM, CAPTURE, TEXT_EXCEPTIONS, Tolerance, tolerances_of
+from viso.compare.comparison import Comparison
+from viso.compare.differences import ABSENT, Difference, Row, row_differences, sequence_differences
+from viso.compare.tolerances import ABOUT_VISUAL_ODOM, CAPTURE, TEXT_EXCEPTIONS, UNITS, tolerances_of
 from viso.documents import parsed_json
 from viso.errors import InputError
 from viso.files.float_bits import float_of
@@ -26,7 +25,6 @@ from viso.streams.stream_kinds import read_capture
 from viso.terminal.ahrs import AhrsChoice, ahrs_maker
 
 _STRUCTURES: Final = {structure.name: structure for structure in LOG_STRUCTURE_FROM_VISUALODOM}
-_SCALED: Final = {("s", "F"): "us", ("s", "C"): "ms", ("h", "0"): "deg"}
 _MAV_BACKEND: Final = 1
 
 Line = dict[str, Any]
@@ -153,54 +151,23 @@ def _acks(sent: Codec) -> Iterator[tuple[int, int]]:
 # Differences
 
 
+def _rows(line: Line) -> list[Row]:
+    rows = [Row("", {key: line.get(key, ABSENT) for key in ("arrival_us", "type")})]
+    for name, *values in line["out"]:
+        structure = _STRUCTURES[name]
+        columns = zip(structure.fields, structure.format, values, strict=True)
+        rows.append(Row(name, {label: float_of(value) if char == "f" else value for label, char, value in columns}))
+    return rows
+
+
 def record_differences(recorded: Sequence[Line], ours: Sequence[Line], backend: int) -> Iterator[Difference]:
     """Yield what differs in the records that messages made; ``backend`` is VISO_TYPE, on which tolerances depend."""
     tolerances = tolerances_of(CAPTURE, backend)
     if len(recorded) != len(ours):
         yield Difference("end", "messages", str(len(recorded)), str(len(ours)))
-    for number, (theirs, line) in enumerate(zip(recorded, ours, strict=False), 2):
-        place = f"line {number}"
-        for key in ("arrival_us", "type"):
-            if theirs.get(key) != line[key]:
-                yield Difference(place, key, str(theirs.get(key)), str(line[key]))
-        names = [[record[0] for record in one["out"]] for one in (theirs, line)]
-        if names[0] != names[1]:
-            yield Difference(place, "records", *(", ".join(one) or "none" for one in names))
-            continue
-        for before, after in zip(theirs["out"], line["out"], strict=True):
-            if before != after:
-                yield from _field_differences(place, _STRUCTURES[before[0]], before[1:], after[1:], tolerances)
-
-
-def _field_differences(
-    place: str,
-    structure: LogStructure,
-    recorded: Sequence[Any],
-    ours: Sequence[Any],
-    tolerances: Mapping[str, Tolerance],
-) -> Iterator[Difference]:
-    units = dict(UNITS)
-    for index, (label, theirs, value) in enumerate(zip(structure.fields, recorded, ours, strict=True)):
-        field = f"{structure.name}.{label}"
-        if not is_close(theirs, value, tolerances.get(field)):
-            kind = structure.units[index], structure.multipliers[index]
-            unit = _SCALED.get(kind, units[kind[0]])
-            yield Difference(place, field, _shown(theirs), _shown(value), unit)
-
-
-def is_close(recorded: Any, ours: Any, tolerance: Tolerance | None) -> bool:
-    """Return whether two values of a field, floats in hex, are the same, or as near as they have to be."""
-    if recorded == ours or tolerance is None:
-        return bool(recorded == ours)
-    theirs, mine = (float(float_of(one)) if isinstance(one, str) else one for one in (recorded, ours))
-    difference = theirs - mine
-    if tolerance.is_angle and math.isfinite(difference):
-        difference = math.remainder(difference, 360)
-    return bool(abs(difference) <= tolerance.within)
-
-
-def _shown(value: Any) -> str:
-    return f"{float_of(value):.9g}" if isinstance(value, str) else str(value)
+    for number, lines in enumerate(zip(recorded, ours, strict=False), 2):
+        theirs, mine = map(_rows, lines)
+        yield from row_differences(f"line {number}", theirs, mine, tolerances, units=UNITS)
 
 
 def text_differences(capture: Capture, texts: Sequence[tuple[int, str]]) -> Iterator[Difference]:
@@ -248,7 +215,7 @@ def compare_capture(path: Path, firmware: Firmware, named: str, on_progress: Cal
     played = play(path, firmware, on_progress=on_progress)
     records = [record for line in capture.lines for record in line["out"]]
     beside = "statustext", "command_ack"
-    told = sum(len(capture.header.get(field, ())) for field in beside)
+    texts_and_acks = sum(len(capture.header.get(field, ())) for field in beside)
     notes = [f"no {field!r} in the first line: not compared" for field in beside if field not in capture.header]
     if capture.header.get("complete") is False:
         notes.append("the recording is not complete")
@@ -263,7 +230,7 @@ def compare_capture(path: Path, firmware: Firmware, named: str, on_progress: Cal
         named,
         len(capture.lines),
         len(records),
-        sum(len(record) - 1 for record in records) + told,
+        sum(len(record) - 1 for record in records) + texts_and_acks,
         tuple(all_differences(capture, played)),
         tuple(notes),
     )

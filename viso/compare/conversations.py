@@ -1,33 +1,35 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Conversations: what a client asks, asked again of a vehicle, and the answers beside those that were recorded."""
+"""Conversations: the requests of a client, sent again to a vehicle, and its answers beside those recorded."""
 
-import dataclasses
 import json
 import math
 import struct
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
 from mav_handlers.wire.codec import Codec, Received
-from mav_handlers.wire.messages import MESSAGES, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
-from viso.compare.agreement import Comparison, Difference
-from viso.compare.rules import CONVERSATION, TIMES, UNASKED, tolerances_of
+from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
+from viso.compare.comparison import Comparison
+from viso.compare.differences import ABSENT, Difference, Row, row_differences
+from viso.compare.tolerances import CONVERSATION, TIMES, tolerances_of
 from viso.documents import parsed_json
 from viso.errors import InputError
 from viso.files.text_files import read_lines
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
-from viso.recording.fields import PAYLOAD_BYTES, filled
+from viso.recording.fields import message_of
 from viso.running.virtual_time import Scheduler
 from viso.streams.capture import MAX_PARAMETER
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 WAIT_MS: Final = 150
 """For how long answers are waited for, where an exchange does not say."""
-_SHARE: Final = tolerances_of(CONVERSATION)["float"].within
-_LEAST: Final = 1e-12
+
+UNASKED: Final = frozenset({"HEARTBEAT", "TIMESYNC"})
+"""What comes all the time, and counts only where an exchange has it in ``also show``."""
+
+_OF_FLOATS: Final = tolerances_of(CONVERSATION)["float"]
 _NUMBERS: Final = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
 Exchange = Mapping[str, Any]
@@ -53,7 +55,7 @@ def read_conversation(path: Path) -> tuple[Exchange, list[Exchange]]:
                 _check_number({"wait_ms": WAIT_MS} | line, "wait_ms", 3_600_000)
                 for field in ("also show", "hide"):
                     _check({field: []} | line, {field: list})
-                _check_sendable(line["send"])
+                _check_request(f"{path}:{number}: 'send'", line["send"])
                 exchanges.append(line)
         except ValueError as error:
             raise InputError(f"{path}:{number}: {error}") from error
@@ -72,13 +74,12 @@ def _check_number(line: Any, field: str, most: float, least: float = 0.0) -> Non
         raise ValueError(f"{field!r} is no number from {least:g} to {most:g}: {value!r}")
 
 
-def _check_sendable(send: Any) -> None:
-    if len(send) != 2 or not isinstance(send[0], str) or not isinstance(send[1], dict):
-        raise ValueError("'send' is not a message's name and its fields")
+def _check_request(place: str, request: Any) -> None:
+    message = message_of(place, request)
     try:
-        Codec(0, 0).encode(build(*send))
+        Codec(0, 0).encode(message)
     except (struct.error, TypeError, AttributeError) as error:
-        raise ValueError(f"'send' does not fit {send[0]}: {error}") from error
+        raise InputError(f"{place} does not fit {request[0]}: {error}") from error
 
 
 def _check_answers(line: Exchange) -> None:
@@ -89,39 +90,6 @@ def _check_answers(line: Exchange) -> None:
         pairs = isinstance(answers, list) and all(isinstance(one, list) and len(one) == 2 for one in answers)
         if not pairs or not all(isinstance(name, str) and isinstance(fields, dict) for name, fields in answers):
             raise ValueError("'answers' is not a list of pairs of a message's name and its fields")
-
-
-def _number(value: Any) -> Any:
-    return _NUMBERS.get(value, value) if isinstance(value, str) else value
-
-
-def build(name: str, given: Mapping[str, Any]) -> Message:
-    """Return a message; fields that are not given are zero or empty. Raises ValueError for one that there is not."""
-    kind = MESSAGES.get(name)
-    if kind is None:
-        raise ValueError(f"'send' has no message that is known here: {name!r}")
-    if unknown := given.keys() - {field.name for field in dataclasses.fields(kind)}:
-        raise ValueError(f"{name} has no field {min(unknown)!r}")
-    return filled(kind, {field: _sendable(field, value) for field, value in given.items()})
-
-
-def _sendable(field: str, value: Any) -> Any:
-    if field == "payload":
-        return tuple(bytes.fromhex(value).ljust(PAYLOAD_BYTES, b"\0"))
-    return tuple(map(_number, value)) if isinstance(value, list) else _number(value)
-
-
-def is_equal(wanted: Any, got: Any) -> bool:
-    """Return whether a field holds what is wanted: bytes that begin with some, or numbers of float32."""
-    if isinstance(got, tuple) and isinstance(wanted, str):
-        return bytes(got).hex().startswith(wanted.lower())
-    if isinstance(got, tuple):
-        return isinstance(wanted, list) and len(got) == len(wanted) and all(map(is_equal, wanted, got))
-    wanted = _number(wanted)
-    if isinstance(got, float) and isinstance(wanted, int | float):
-        is_near = math.isclose(wanted, got, rel_tol=_SHARE, abs_tol=_LEAST)
-        return is_near or (math.isnan(wanted) and math.isnan(got))
-    return bool(wanted == got)
 
 
 class Conversation:
@@ -175,7 +143,7 @@ class Conversation:
 
     def ask(self, exchange: Exchange) -> tuple[Sequence[tuple[str, Mapping[str, Any]]], Sequence[Message]]:
         """Send what an exchange says; return the answers that it wants, and those that came."""
-        self._send(build(*exchange["send"]))
+        self._send(message_of("'send'", exchange["send"]))
         self._wait(exchange.get("wait_ms", WAIT_MS))
         hidden = [*exchange.get("hide", ()), *(name for name in UNASKED if name not in exchange.get("also show", ()))]
         return self._wanted(exchange), [one for one in self._received() if type(one).__name__ not in hidden]
@@ -184,21 +152,40 @@ class Conversation:
 def answer_differences(
     place: str, wanted: Sequence[tuple[str, Mapping[str, Any]]], got: Sequence[Message]
 ) -> Iterator[Difference]:
-    """Yield what differs in the answers of an exchange."""
-    names = [name for name, _ in wanted], [type(message).__name__ for message in got]
-    if names[0] != names[1]:
-        yield Difference(place, "answers", *map(_listed, names))
-        return
-    for (name, fields), message in zip(wanted, got, strict=True):
-        for field, value in fields.items():
-            ours = getattr(message, field, None)
-            if field not in TIMES and not is_equal(value, ours):
-                yield Difference(place, f"{name}.{field}", str(value), str(ours))
+    """Yield what differs in the answers of an exchange, of their fields those that ``wanted`` has."""
+    recorded = [
+        Row(name, {label: _number(value) for label, value in fields.items() if label not in TIMES})
+        for name, fields in wanted
+    ]
+    # Where the messages are others, only their names are compared.
+    labels = [row.values for row in recorded] if len(got) == len(recorded) else [{} for _ in got]
+    ours = [
+        Row(type(message).__name__, {label: _answered(message, label, value) for label, value in values.items()})
+        for message, values in zip(got, labels, strict=True)
+    ]
+    floats = {
+        f"{row.record}.{label}": _OF_FLOATS
+        for row in ours
+        for label, value in row.values.items()
+        if isinstance(value[0] if isinstance(value, tuple) else value, float)
+    }
+    yield from row_differences(place, recorded, ours, floats, units={}, names="answers")
 
 
-def _listed(names: Sequence[str]) -> str:
-    runs = ((name, len(list(run))) for name, run in groupby(names))
-    return ", ".join(name if count == 1 else f"{count} {name}" for name, count in runs) or "none"
+def _number(value: Any) -> Any:
+    """Return a value of JSON; a word for a number that JSON does not have is that number."""
+    if isinstance(value, list):
+        return [_number(one) for one in value]
+    return _NUMBERS.get(value, value) if isinstance(value, str) else value
+
+
+def _answered(message: Message, label: str, wanted: Any) -> Any:
+    """Return a field of an answer as the recording has it: of bytes as many, in hex, as are wanted."""
+    value = getattr(message, label, ABSENT)
+    if isinstance(value, tuple) and isinstance(wanted, str):
+        data = bytes(value).hex()
+        return wanted if data.startswith(wanted.lower()) else data[: len(wanted)]
+    return value
 
 
 def specified_in(exchanges: Sequence[Exchange]) -> set[str]:

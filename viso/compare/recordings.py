@@ -9,39 +9,39 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from viso.compare import rules
-from viso.compare.agreement import Comparison
 from viso.compare.captures import compare_capture, log_beside
+from viso.compare.comparison import Comparison
 from viso.compare.conversations import compare_conversation, read_conversation, specified_in
-from viso.compare.ekf.run import NothingToCompare
-from viso.compare.logs import compare_log, told_by_log
+from viso.compare.logs import compare_log
+from viso.compare.tolerances import CAPTURE, CONVERSATION, LOG, VECTORS
 from viso.compare.vectors import compare_vectors
 from viso.documents import parsed_json
 from viso.errors import InputError
 from viso.files.text_files import read_lines
 from viso.firmware.flown import profile_for, version_in
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.logs.recorded import read_columns
+from viso.replay.ekf.run import NothingToCompare, recorded_firmware
 
 Progress = Callable[[int, int], None]
-"""Told how much was done, and how much there is."""
+"""Takes how much is done, and how much there is."""
 
 
 class RecordingKind(NamedTuple):
-    """A kind of recordings.
+    """A kind of recording.
 
     Attributes:
         content: what it holds.
-        begins: tells by the first line of a JSON file whether it is one; None for a kind with endings of its own.
-        endings: of names, in small letters.
-        told: returns the profile of the release that a recording names, or None.
-        compare: holds a recording against a profile, given the name of the one that it tells, empty for none, and who
-            is told how much was done, and how much there is.
+        endings: the endings of file names, in small letters.
+        is_begun_by: says by the first line of a JSON file whether it is of this kind; None for endings of its own.
+        firmware_of: returns the profile of the release that a recording names, or None.
+        compare: compares a recording with a profile; takes the name of the profile that it names, empty for none.
     """
 
     content: str
     endings: tuple[str, ...]
-    begins: Callable[[Any], bool] | None
-    told: Callable[[Path], Firmware | None]
+    is_begun_by: Callable[[Any], bool] | None
+    firmware_of: Callable[[Path], Firmware | None]
     compare: Callable[[Path, Firmware, str, Progress], Comparison]
 
 
@@ -65,18 +65,22 @@ def firmware_in(text: str) -> Firmware | None:
     return by_month or (None if flown is None else profile_for(flown, ()))
 
 
-def _told_by_header(path: Path) -> Firmware | None:
+def _of_header(path: Path) -> Firmware | None:
     return firmware_in(str(_first_line(path).get("firmware", "")))
 
 
-def _told_by_capture(path: Path) -> Firmware | None:
+def _of_capture(path: Path) -> Firmware | None:
     log = log_beside(path)
-    return _told_by_header(path) or (None if log is None else told_by_log(log))
+    return _of_header(path) or (None if log is None else _of_log(log))
 
 
-def _told_by_conversation(path: Path) -> Firmware | None:
+def _of_conversation(path: Path) -> Firmware | None:
     # One that says what each release answers is held with the reference.
-    return _told_by_header(path) or (REFERENCE if specified_in(read_conversation(path)[1]) else None)
+    return _of_header(path) or (REFERENCE if specified_in(read_conversation(path)[1]) else None)
+
+
+def _of_log(path: Path) -> Firmware | None:
+    return recorded_firmware(read_columns(path))
 
 
 def _has(*fields: str) -> Callable[[Any], bool]:
@@ -85,32 +89,32 @@ def _has(*fields: str) -> Callable[[Any], bool]:
 
 RECORDING_KINDS: Final[Mapping[str, RecordingKind]] = MappingProxyType(
     {
-        rules.VECTORS: RecordingKind(
+        VECTORS: RecordingKind(
             "calls of the library, of its maths and of the time correction, with what came of them",
             _LINES,
             lambda line: isinstance(line, list) or _has("steps", "samples")(line),
             lambda _path: None,
             compare_vectors,
         ),
-        rules.CONVERSATION: RecordingKind(
+        CONVERSATION: RecordingKind(
             "messages of a client, with the answers",
             _LINES,
             _has("begins_s"),
-            _told_by_conversation,
+            _of_conversation,
             compare_conversation,
         ),
-        rules.CAPTURE: RecordingKind(
+        CAPTURE: RecordingKind(
             "messages of a camera, with the records, texts and acknowledgements that came of them",
             _LINES,
             _has("params"),
-            _told_by_capture,
+            _of_capture,
             compare_capture,
         ),
-        rules.LOG: RecordingKind(
+        LOG: RecordingKind(
             "a log with replay records (LOG_REPLAY), with what the filter made of them",
             (".bin", ".bin.xz"),
             None,
-            told_by_log,
+            _of_log,
             compare_log,
         ),
     }
@@ -130,7 +134,7 @@ def kind_of(path: Path) -> RecordingKind:
         return fitting[0]
     line = _first_line(path)
     for kind in fitting:
-        if kind.begins is not None and kind.begins(line):
+        if kind.is_begun_by is not None and kind.is_begun_by(line):
             return kind
     raise NothingToCompare(f"{path}:1: neither a capture ('params'), a conversation ('begins_s') nor vectors")
 
@@ -156,7 +160,7 @@ def compare_recording(
     Raises InputError if the recording cannot be used.
     """
     kind = kind_of(path)
-    told = kind.told(path)
+    told = kind.firmware_of(path)
     if firmware is None and told is None:
         found = compare_with_all(path, on_progress)
         names = most_like([found])
@@ -172,7 +176,7 @@ def _name(firmware: Firmware | None) -> str:
 def compare_with_all(path: Path, on_progress: Progress) -> dict[str, Comparison]:
     """Hold a recording against each profile, by name. Raises InputError if it cannot be used."""
     kind = kind_of(path)
-    named = _name(kind.told(path))
+    named = _name(kind.firmware_of(path))
     return {name: kind.compare(path, profile, named, on_progress) for name, profile in PROFILES.items()}
 
 

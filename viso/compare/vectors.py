@@ -3,12 +3,14 @@
 """Vectors: calls of AP_VisualOdom, of its maths and of the time correction, recomputed and compared."""
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final
 
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
-from viso.compare.agreement import Comparison, Difference, sequence_differences
-from viso.compare.rules import VECTORS
+from viso.compare.comparison import Comparison
+from viso.compare.differences import ABSENT, Difference, Row, row_differences
+from viso.compare.tolerances import VECTORS
 from viso.errors import InputError
 from viso.files.text_files import read_lines
 from viso.firmware.releases import Firmware
@@ -24,51 +26,41 @@ _LABELS: Final = {
     "internal_error": [],
     **{one.name: list(one.fields) for one in LOG_STRUCTURE_FROM_VISUALODOM},
 }
-"""What the values of each consequence are called."""
+"""The labels of each consequence's values."""
 
 
 def line_differences(number: int, recorded: Any, ours: Any) -> Iterator[Difference]:
     """Yield what differs between a line of vectors, the number of which is from 1, and the same recomputed."""
     place = f"line {number}"
     if isinstance(recorded, list):
-        if recorded[2:] != ours[2:]:
-            yield Difference(place, str(recorded[0]), *(_shown(one[2:]) for one in (recorded, ours)))
+        yield from _differences(place, *([Row(str(one[0]), _labelled([""], one[2:]))] for one in (recorded, ours)))
     elif "samples" in recorded:
-        for index, (theirs, mine) in enumerate(zip(recorded["samples"], ours["samples"], strict=True)):
-            if theirs != mine:
-                yield Difference(f"{place}, sample {index}", "corrected_us", str(theirs[2:]), str(mine[2:]), "us")
+        for index, pair in enumerate(zip(recorded["samples"], ours["samples"], strict=True)):
+            rows = ([Row("", _labelled(["corrected_us"], one[2:]))] for one in pair)
+            yield from _differences(f"{place}, sample {index}", *rows)
     else:
         for index, (theirs, mine) in enumerate(zip(recorded["steps"], ours["steps"], strict=True)):
             if theirs != mine:
-                yield from _step_differences(f"{place}, step {index}", _out(theirs), mine[-1]["out"])
+                yield from _differences(f"{place}, step {index}", _rows(theirs), _rows(mine))
 
 
-def _out(step: Any) -> list[list[Any]]:
+def _differences(place: str, recorded: Sequence[Row], ours: Sequence[Row]) -> Iterator[Difference]:
+    return row_differences(place, recorded, ours, {}, units={"corrected_us": "us"}, names="out")
+
+
+def _labelled(labels: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
+    """Return values by their labels; those without a label by their numbers."""
+    named = zip_longest(labels, values, fillvalue=ABSENT)
+    return {str(number) if label is ABSENT else label: value for number, (label, value) in enumerate(named)}
+
+
+def _rows(step: Any) -> list[Row]:
     out = step[-1].get("out") if isinstance(step[-1], dict) else None
     if not isinstance(out, list) or not all(isinstance(one, list) and one for one in out):
         raise VectorError(f"a step without a list of consequences in 'out': {str(step)[:60]}")
     # A record's name is its second word.
-    return [[str(one[1]), *one[2:]] if one[0] == "log" and len(one) > 1 else one for one in out]
-
-
-def _step_differences(place: str, recorded: Sequence[Any], ours: Sequence[Any]) -> Iterator[Difference]:
-    ours = [one[1:] if one[0] == "log" else one for one in ours]
-    names = [[str(one[0]) for one in out] for out in (recorded, ours)]
-    if names[0] != names[1]:
-        yield from sequence_differences(place, "out", *names)
-        return
-    for theirs, mine in zip(recorded, ours, strict=True):
-        labels = _LABELS.get(mine[0], [])
-        if len(theirs) != len(mine):
-            yield Difference(place, str(mine[0]), _shown(theirs[1:]), _shown(mine[1:]))
-            continue
-        for label, before, after in zip(labels, theirs[1:], mine[1:], strict=True):
-            if before != after:
-                yield Difference(place, f"{mine[0]}.{label}", _shown(before), _shown(after))
-
-
-def _shown(value: Any) -> str:
-    return " ".join(map(_shown, value)) if isinstance(value, list) else str(value)
+    named = ([str(one[1]), *one[2:]] if one[0] == "log" and len(one) > 1 else one for one in out)
+    return [Row(str(name), _labelled(_LABELS.get(name, []), values)) for name, *values in named]
 
 
 def compare_vectors(path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]) -> Comparison:

@@ -15,9 +15,9 @@ from typing import Any, Final
 import pytest
 
 from tests.places import DATA
-from viso.compare.ekf import targets as ekf_targets
-from viso.compare.ekf.run import EkfReplay, EkfRun
+from viso.compare.tolerances import end_s
 from viso.logs.recorded import read_log
+from viso.replay.ekf.run import EkfReplay, EkfRun
 
 LOGS: Final = DATA / "logs"
 SAME_TIME_S: Final = 0.25
@@ -153,7 +153,7 @@ class Recordings:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not kept.exists():
                 path = LOGS / f"{name}.BIN.xz"
-                run = EkfRun(path, until_s=ekf_targets.end_s(path))
+                run = EkfRun(path, until_s=end_s(path))
                 run.run()
                 run.output.save(self._ours(name))
                 kept.write_bytes(pickle.dumps(run.comparison()))

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from tools import ekf_table
-from viso.compare.ekf.comparison import compare
-from viso.compare.ekf.run import LABELS, EkfReplay
+from viso.compare.estimates import compare_estimates
+from viso.compare.tolerances import BENCH, FLIGHT
 from viso.errors import InputError
+from viso.replay.ekf.run import LABELS, EkfReplay
 
 PAGE = "before\n<!-- measured: ekf -->\nold\n<!-- end -->\nafter\n<!-- table: cli -->\nkept\n<!-- end -->\n"
 COLUMNS = len(ekf_table.HEAD)
@@ -24,7 +25,7 @@ def replay(ours: str = "initialised", **values: float) -> EkfReplay:
 
 
 def row(*, bench: bool = False, **values: float) -> tuple[str, ...]:
-    return ekf_table.row("log", compare(replay(**values), bench=bench))  # type: ignore[arg-type]  # no text among them
+    return ekf_table.row("log", compare_estimates(replay(**values), BENCH if bench else FLIGHT))  # type: ignore[arg-type]  # no text among them
 
 
 def test_row_of_a_log_that_is_the_same() -> None:
@@ -39,7 +40,7 @@ def test_cell_holds_the_largest_figure_of_its_quantities() -> None:
 
 
 def test_texts_that_differ_are_counted() -> None:
-    found = ekf_table.row("log", compare(replay(ours="forced reset"), bench=False))
+    found = ekf_table.row("log", compare_estimates(replay(ours="forced reset"), FLIGHT))
     assert found[-2:] == ("no, 2 differ", "missed")
 
 

@@ -17,10 +17,10 @@ from pymavlink.DFReader import DFReader_binary
 from tests.places import DATA
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from viso.commands import ekf as ekf_command
-from viso.compare.ekf import targets as ekf_targets
-from viso.compare.ekf.run import EkfRun
-from viso.compare.ekf.targets import Limit
+from viso.compare import tolerances
+from viso.compare.tolerances import FLIGHT, TOLERANCES, Tolerance
 from viso.firmware.releases import REFERENCE, Firmware
+from viso.replay.ekf.run import EkfRun
 
 LOG = DATA / "logs" / "voxl.BIN.xz"
 UNTIL_S = 6.6  # after aiding, yaw and origin
@@ -120,7 +120,7 @@ def test_comparison_for_machines(viso: Viso) -> None:
 def test_changes_of_the_primary_core_are_compared(viso: Viso, known: SimpleNamespace) -> None:
     assert "changes of the primary core: 1 equal, within 0.000 s" in viso(LOG).out
     known.our_lanes = []
-    assert "text at 5.200 s: only the log's: 'EKF3 lane switch 1'" in viso(LOG).out
+    assert "5.200 s: MSG: only recorded: 'EKF3 lane switch 1'" in viso(LOG).out
     assert viso(LOG, "--check").code == 1
 
 
@@ -145,7 +145,8 @@ def test_nothing_is_printed_without_a_comparison(viso: Viso) -> None:
 
 
 def miss(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(ekf_targets.FLIGHT_LIMITS, "Yaw", Limit(0.0))
+    strict = Tolerance(FLIGHT, ("XKF1.Yaw",), "deg", "none is met", rms=0.0)
+    monkeypatch.setattr(tolerances, "TOLERANCES", (*TOLERANCES, strict))
 
 
 @pytest.mark.usefixtures("known")
@@ -166,7 +167,7 @@ def test_check_counts_without_a_comparison_too(viso: Viso, monkeypatch: pytest.M
 
 @pytest.mark.usefixtures("known")
 def test_what_comes_after_the_end_of_a_log_is_not_compared(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(ekf_targets.END_S, "voxl", 5.1)
+    monkeypatch.setitem(tolerances.END_S, "voxl", 5.1)
     outcome = json.loads(viso(LOG, "--json").out)
     assert [(core["records"], core["texts"]["matched"]) for core in outcome["cores"]] == [(0, 5), (0, 5)]
 
@@ -176,8 +177,8 @@ def test_texts_that_differ_are_printed(viso: Viso, known: SimpleNamespace) -> No
     texts = [(time_s, text.replace("tilt", "roll")) for time_s, text in replay.our_texts]
     known.comparison = lambda _core: replace(replay, our_texts=texts)
     out = viso(LOG).out
-    assert "text at 5.065 s: only ours: 'roll alignment complete'" in out
-    assert "text at 5.065 s: only the log's: 'tilt alignment complete'" in out
+    assert "5.065 s: MSG: only ours: 'roll alignment complete'" in out
+    assert "5.065 s: MSG: only recorded: 'tilt alignment complete'" in out
 
 
 def test_log_without_estimates_is_noted(viso: Viso, known: SimpleNamespace) -> None:

@@ -17,12 +17,13 @@ from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from viso.companion.trials.scripted_flight import Flight
-from viso.compare.ekf.comparison import compare
-from viso.compare.ekf.run import EkfRun
+from viso.compare import tolerances
+from viso.compare.estimates import compare_estimates
 from viso.demo.plot import save_plot
 from viso.demo.record import AUTOPILOT, Estimate
 from viso.demo.tracking_camera import ARM_S, COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult, flight_source
 from viso.logs.sink import MemoryLog
+from viso.replay.ekf.run import EkfRun
 from viso.vehicle.outcomes.labels import Fate, fate_of
 from viso.vehicle.sensors.options import ImuOptions
 
@@ -280,7 +281,7 @@ def test_filter_run_on_the_log_agrees_with_the_vehicle(ran: Callable[[int], Ran]
     run.run(lambda _frames, _total: None)
     comparison = run.comparison()
     assert comparison is not None
-    found = compare(comparison, bench=False)
+    found = compare_estimates(comparison, tolerances.FLIGHT)
     assert found.records > 200
     assert [check.what for check in found.checks if not check.passed] == []
 

@@ -23,9 +23,9 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from tests.unit.viso.conftest import read_log
-from viso.compare.ekf.run import EkfRun
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
 from viso.logs.sink import MemoryLog
+from viso.replay.ekf.run import EkfRun
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.sensors.options import ImuOptions

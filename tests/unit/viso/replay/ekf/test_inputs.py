@@ -10,7 +10,7 @@ import pytest
 from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.range_state import FinderState, RangeState
 from ekf_stub.log.replay_log import ARMED, TAKEOFF_EXPECTED
-from viso.compare.ekf.inputs import ReplayInputs, flow_of
+from viso.replay.ekf.inputs import ReplayInputs, flow_of
 
 
 def record(kind: str, **fields: object) -> Any:

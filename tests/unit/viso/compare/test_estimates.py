@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from ekf_stub.inputs.inertial import Array
-from viso.compare.ekf import targets as ekf_targets
-from viso.compare.ekf.comparison import MEASURED, Check, Comparison, compare
-from viso.compare.ekf.run import LABELS, EkfReplay
+from viso.compare.estimates import MEASURED, Check, EstimateComparison, compare_estimates
+from viso.compare.tolerances import BENCH, FLIGHT, UNITS, end_s, kind_of_log, log_name
+from viso.replay.ekf.run import FIELDS, LABELS, EkfReplay
 
 PERIOD_S = 0.1
 RECORDS = 400
@@ -35,8 +35,9 @@ class Rig:
         for values in (self.ours, self.recorded) if both else (self.ours,):
             values[label][when] = value
 
-    def compare(self, *, bench: bool = False) -> Comparison:
-        return compare(EkfReplay(TIMES_S, self.ours, self.recorded, self.our_texts, self.recorded_texts), bench=bench)
+    def compare(self, *, bench: bool = False) -> EstimateComparison:
+        replay = EkfReplay(TIMES_S, self.ours, self.recorded, self.our_texts, self.recorded_texts)
+        return compare_estimates(replay, BENCH if bench else FLIGHT)
 
     def missed(self, *, bench: bool = False) -> list[str]:
         """Return what misses its target."""
@@ -51,7 +52,7 @@ def rig() -> Rig:
     return Rig()
 
 
-def check_of(comparison: Comparison, what: str) -> Check:
+def check_of(comparison: EstimateComparison, what: str) -> Check:
     return next(check for check in comparison.checks if check.what == what)
 
 
@@ -274,23 +275,23 @@ def test_ratio_near_1_is_on_either_side(rig: Rig) -> None:
 ])  # fmt: skip
 def test_kind_of_a_log_is_in_its_name(name: str, bench: bool) -> None:
     path = Path("logs") / name
-    assert ekf_targets.is_bench(path) is bench
-    assert ekf_targets.log_name(path) == name.split(".")[0]
+    assert kind_of_log(path) == (BENCH if bench else FLIGHT)
+    assert log_name(path) == name.split(".")[0]
 
 
 def test_flight_that_fails_ends_there() -> None:
     path = Path("logs/flight_voxl_reset.BIN.xz")
-    assert ekf_targets.end_s(path) == 71.0
-    assert ekf_targets.end_s(path.with_name("voxl.BIN")) == float("inf")
+    assert end_s(path) == 71.0
+    assert end_s(path.with_name("voxl.BIN")) == float("inf")
 
 
 def test_every_quantity_has_a_unit() -> None:
-    assert set(ekf_targets.UNITS) == set(MEASURED)
+    assert all(UNITS[FIELDS[label]] for label in MEASURED)
 
 
 def test_comparison_of_the_beginning_leaves_out_the_rest(rig: Rig) -> None:
     rig.set("PN", 50, 30)
     replay = EkfReplay(TIMES_S, rig.ours, rig.recorded, rig.our_texts, rig.recorded_texts)
-    assert not compare(replay, bench=False).passed
-    assert compare(replay.until(29.99), bench=False).passed
+    assert not compare_estimates(replay, FLIGHT).passed
+    assert compare_estimates(replay.until(29.99), FLIGHT).passed
     assert replay.until(1.0).our_texts == AIDING[:1]

@@ -10,7 +10,7 @@ import pytest
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.gps_sample import GpsSample
-from viso.compare.ekf.inputs import GpsRecords
+from viso.replay.ekf.inputs import GpsRecords
 
 
 def record(kind: str, **fields: object) -> Any:

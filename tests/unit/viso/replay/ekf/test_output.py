@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from viso.compare.ekf.output import EkfOutput
 from viso.errors import InputError
+from viso.replay.ekf.output import EkfOutput
 
 
 @pytest.fixture

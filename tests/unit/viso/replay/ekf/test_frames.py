@@ -11,8 +11,8 @@ from ap_core.dataflash import DataFlashWriter
 from ap_core.dataflash_columns import LogColumns
 from ap_core.log_field import LogValue
 from ekf_stub.core.imus import IMU_COLUMNS, TIME_COLUMNS
-from viso.compare.ekf.frames import EKF3_RUNS, Frames
 from viso.logs.logger import STRUCTURES
+from viso.replay.ekf.frames import EKF3_RUNS, Frames
 
 BY_NAME = {structure.name: structure for structure in STRUCTURES}
 ACCEL_AND_GYRO, ACCEL = 15, 13

@@ -43,11 +43,10 @@ from ekf_stub.log.reporting import UNINITIALISED, report_of
 from ekf_stub.release import REFERENCE
 from ekf_stub.reports.core_report import CoreReport, Three
 from ekf_stub.reports.core_texts import cores_of_mask, words_of
-from viso.compare.ekf.core_inputs import CoreInputs
-from viso.compare.ekf.frames import Frames
-from viso.compare.ekf.inputs import ReplayInputs, flow_of
 from viso.logs.record_fields import RecordError, finite, numbers, text, whole
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
+from viso.replay.ekf.frames import Frames
+from viso.replay.ekf.inputs import CoreInputs, ReplayInputs, flow_of
 
 _RENAMED: Final = {FLOW_LIMIT_LATER: FLOW_LIMIT, FLOW_LIMIT: FLOW_LIMIT_LATER}
 _SOURCE_SETS: Final = range(SOURCE_SET_1, SOURCE_SET_1 + 3)

@@ -4,7 +4,7 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -16,12 +16,9 @@ from ap_core.location import Location
 from ap_core.log_structure import ERR, EV, MSG, ORGN, QUIET_NAN
 from ekf_stub.inputs.inertial import Array
 from ekf_stub.log.ekf_log import PERIOD_US
+from ekf_stub.log.ekf_log_structure import XKF1, XKF3, XKF4
 from ekf_stub.reports.core_report import CoreReport
 from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
-from viso.compare.ekf.frames import AFTER_THE_FILTER, Frames
-from viso.compare.ekf.output import EkfOutput
-from viso.compare.ekf.place import declination_of, field_of
-from viso.compare.ekf.player import EkfPlayer
 from viso.errors import InputError
 from viso.firmware.flown import profile_for, version_in
 from viso.firmware.releases import REFERENCE, Firmware
@@ -30,12 +27,24 @@ from viso.logs.record_fields import RecordError, finite, text, whole
 from viso.logs.recorded import places_of, read_columns, records_in
 from viso.logs.vehicle_log import ORGN_EKF
 from viso.parameters.left_out import left_out
+from viso.replay.ekf.frames import AFTER_THE_FILTER, Frames
+from viso.replay.ekf.inputs import declination_of, field_of
+from viso.replay.ekf.output import EkfOutput
+from viso.replay.ekf.player import EkfPlayer
 
 LABELS: Final = (
     *("Roll", "Pitch", "Yaw", "VN", "VE", "VD", "PN", "PE", "PD"),
     *("IVN", "IVE", "IVD", "IPN", "IPE", "IPD", "SV", "SP", "SH", "OFN", "OFE", "TS", "SS"),
 )
 """What is compared, by the labels of XKF1, XKF3 and XKF4; angles in deg."""
+
+FIELDS: Final[Mapping[str, str]] = {
+    label: f"{structure.name}.{label}"
+    for label in LABELS
+    for structure in (XKF1, XKF3, XKF4)
+    if label in structure.fields
+}
+"""The same as ``RECORD.Label``."""
 
 Texts = list[tuple[float, str]]
 """Times in s, and texts."""

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from viso.compare.ekf.core_inputs import CoreInputs
-from viso.compare.ekf.inputs import ReplayInputs
+from viso.replay.ekf.inputs import CoreInputs, ReplayInputs
 
 GPS, BARO, COMPASS = 1, 2, 4
 

@@ -1,31 +1,37 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Judges the filter's estimates by a log's own."""
+"""The filter's estimates over a log beside the log's own, by the targets of ``viso ekf``."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import asdict, dataclass
+from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
-from ekf_stub.inputs.inertial import Array
-from viso.compare.ekf import targets
-from viso.compare.ekf.events import Differences, changes, compare_moves, compare_texts, compare_values
-from viso.compare.ekf.run import LABELS, EkfReplay
+from viso.compare.differences import Error, Tolerances, apart, error_of
+from viso.compare.events import EventComparison, changes, compare_changes, compare_moves, compare_texts
+from viso.compare.tolerances import (
+    AFTER_EVENT_S,
+    AFTER_RESET_S,
+    BENCH,
+    EQUAL_SHARE,
+    UNDECIDED,
+    UNITS,
+    Tolerance,
+    tolerances_of,
+)
+from viso.estimators.series import Array, Mask
+from viso.replay.ekf.run import FIELDS, LABELS, EkfReplay
 
 AIDING: Final = ("is using external nav data", "started relative aiding", "is using GPS")
 MEASURED: Final = LABELS[: LABELS.index("SV")]
 RATIOS: Final = ("SV", "SP", "SH")
 _HEIGHT_JUMP_M: Final = 0.2
 
-Mask = npt.NDArray[np.bool_]
-
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One thing that is compared: what it came to, and what it is to come to; empty when nothing is asked."""
+    """One thing that is compared: its figure, and its target, which is empty for what has none."""
 
     what: str
     figure: str
@@ -34,60 +40,59 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class Error:
-    """How far apart a quantity is, in its unit."""
-
-    rms: float
-    worst: float
-
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """How near the filter comes to a log.
+class EstimateComparison:
+    """The comparison of a core's estimates with a log's.
 
     Attributes:
-        records: how many estimates count.
-        errors: by label, over those estimates.
-        equal: the share of records with the same value, of TS, of SS and of both; 0 when no record counts.
-        aiding_s: when aiding starts first, ours and the log's; None where it does not.
+        records: the number of estimates that count.
+        errors: the errors over these estimates, by label.
+        equal: the shares of records with the same TS, SS and both; 0 if no record counts.
+        aiding_s: when aiding starts first, ours and the log's, in s since boot; None where it does not.
         texts: what differs in the texts.
         checks: all that was compared.
     """
 
     records: int
-    errors: dict[str, Error]
-    equal: dict[str, float]
+    errors: Mapping[str, Error]
+    equal: Mapping[str, float]
     aiding_s: tuple[float | None, float | None]
-    texts: Differences
+    texts: EventComparison
     checks: tuple[Check, ...]
 
     @property
     def passed(self) -> bool:
-        """Return whether nothing that was asked is missed."""
+        """Whether all targets are met."""
         return all(check.passed for check in self.checks)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return the comparison for machines."""
+        return {**asdict(self), "texts": self.texts.as_dict()}
 
-def compare(replay: EkfReplay, *, bench: bool) -> Comparison:
-    """Judge a run, a bench by its events, any other by its estimates."""
-    texts = compare_texts(replay.our_texts, replay.recorded_texts)
+
+def compare_estimates(replay: EkfReplay, kind: str) -> EstimateComparison:
+    """Compare by the targets of a kind: BENCH by the times of events, FLIGHT by the errors of estimates."""
+    tolerances, is_bench = tolerances_of(kind), kind == BENCH
+    texts = compare_texts("MSG", replay.recorded_texts, replay.our_texts, tolerances)
     aiding_s = _aiding_start(replay.our_texts), _aiding_start(replay.recorded_texts)
-    window = _outside_events(replay) if bench else replay.time_s >= (aiding_s[1] or 0.0)
+    window = _outside_events(replay) if is_bench else replay.time_s >= (aiding_s[1] or 0.0)
     counted = dict.fromkeys(MEASURED, window)
-    if not bench:
-        counted["PD"] = window & _outside(replay.time_s, _resets(replay), targets.AFTER_RESET_S)
-    errors = {label: _error(replay, label, counted[label]) for label in MEASURED}
-    everything = np.ones_like(window) if bench else window
+    if not is_bench:
+        counted["PD"] = window & _outside(replay.time_s, _resets(replay), AFTER_RESET_S)
+    errors = {
+        label: error_of(apart(FIELDS[label], replay.recorded[label], replay.ours[label])[counted[label]])
+        for label in MEASURED
+    }
+    everything = np.ones_like(window) if is_bench else window
     equal = {label: _equal(replay, (label,), everything) for label in ("TS", "SS")}
     equal["both"] = _equal(replay, ("TS", "SS"), everything)
-    limits = targets.BENCH_LIMITS if bench else targets.FLIGHT_LIMITS
     checks = [
-        *(_check_error(label, errors[label], limits.get(label)) for label in MEASURED),
-        *(_check_sides(replay, label) for label in RATIOS if bench),
-        *(_check_events(replay) if bench else ()),
-        _check_equal(equal, None if bench else targets.EQUAL_SHARE),
-        _check_differences("texts", texts),
+        *(_check_error(label, errors[label], tolerances.get(FIELDS[label])) for label in MEASURED),
+        *(_check_sides(replay, label) for label in RATIOS if is_bench),
+        *(_check_events(replay, tolerances) if is_bench else ()),
+        _check_equal(equal, None if is_bench else EQUAL_SHARE),
+        _check_differences("texts", texts, tolerances["MSG.TimeUS"]),
     ]
-    return Comparison(int(window.sum()), errors, equal, aiding_s, texts, tuple(checks))
+    return EstimateComparison(int(window.sum()), errors, equal, aiding_s, texts, tuple(checks))
 
 
 # Which records count
@@ -135,19 +140,10 @@ def _outside_events(replay: EkfReplay) -> Mask:
     events = [time_s for time_s, _ in replay.recorded_texts]
     for label in ("TS", "SS"):
         events += [time_s for time_s, _ in changes(replay.time_s, replay.recorded[label].tolist())]
-    return _outside(replay.time_s, [*events, *_resets(replay)], targets.AFTER_EVENT_S)
+    return _outside(replay.time_s, [*events, *_resets(replay)], AFTER_EVENT_S)
 
 
 # Figures
-
-
-def _error(replay: EkfReplay, label: str, counted: Mask) -> Error:
-    difference = (replay.ours[label] - replay.recorded[label])[counted]
-    if label == "Yaw":
-        difference = (difference + 180) % 360 - 180
-    if not difference.size:
-        return Error(0.0, 0.0)
-    return Error(float(np.sqrt(np.mean(difference**2))), float(np.abs(difference).max()))
 
 
 def _equal(replay: EkfReplay, labels: Sequence[str], counted: Mask) -> float:
@@ -158,18 +154,12 @@ def _equal(replay: EkfReplay, labels: Sequence[str], counted: Mask) -> float:
 # Checks
 
 
-def _check_error(label: str, error: Error, limit: targets.Limit | None) -> Check:
-    figure = _figures(label, error.rms, error.worst)
-    if limit is None:
+def _check_error(label: str, error: Error, target: Tolerance | None) -> Check:
+    unit = UNITS[FIELDS[label]]
+    figure = f"{error.rms:.3g} {unit} rms, {error.worst:.3g} {unit} at worst"
+    if target is None:
         return Check(label, figure, "", passed=True)
-    passed = error.rms <= limit.rms and error.worst <= limit.worst
-    return Check(label, figure, _figures(label, limit.rms, limit.worst), passed)
-
-
-def _figures(label: str, rms: float, worst: float) -> str:
-    unit = targets.UNITS[label]
-    at_worst = f", {worst:.3g} {unit} at worst" if math.isfinite(worst) else ""
-    return f"{rms:.3g} {unit} rms{at_worst}"
+    return Check(label, figure, target.limits(), error.is_within(target))
 
 
 def _check_equal(equal: Mapping[str, float], share: float | None) -> Check:
@@ -179,27 +169,28 @@ def _check_equal(equal: Mapping[str, float], share: float | None) -> Check:
     return Check("TS and SS equal", figure, f"{100 * share:g} %", equal["both"] >= share)
 
 
-def _check_differences(what: str, found: Differences) -> Check:
-    figure = f"{len(found.lines)} differ" if found.lines else f"{found.matched} equal, within {found.worst_s:.3f} s"
-    return Check(what, figure, f"equal, within {targets.WITHIN_S} s", not found.lines)
+def _check_differences(what: str, found: EventComparison, times: Tolerance) -> Check:
+    return Check(what, str(found), f"equal, within {times.limits()}", not found.differences)
 
 
-def _check_events(replay: EkfReplay) -> list[Check]:
+def _check_events(replay: EkfReplay, tolerances: Tolerances) -> list[Check]:
     found = {
-        f"{label} changes": compare_values(
-            label,
-            changes(replay.time_s, replay.ours[label].tolist(), with_first=True),
+        f"{label} changes": compare_changes(
+            FIELDS[label],
             changes(replay.time_s, replay.recorded[label].tolist(), with_first=True),
+            changes(replay.time_s, replay.ours[label].tolist(), with_first=True),
+            tolerances,
         )
         for label in ("TS", "SS")
     }
-    ours, recorded = (changes(replay.time_s, _moves(values)) for values in (replay.ours, replay.recorded))
-    found["resets (OFN, OFE)"] = compare_moves(ours, recorded)
-    return [_check_differences(what, differences) for what, differences in found.items()]
+    recorded, ours = (changes(replay.time_s, _moves(values)) for values in (replay.recorded, replay.ours))
+    found["resets (OFN, OFE)"] = compare_moves(recorded, ours, tolerances)
+    times = tolerances["XKF4.TimeUS"]
+    return [_check_differences(what, differences, times) for what, differences in found.items()]
 
 
 def _check_sides(replay: EkfReplay, label: str) -> Check:
     ours, recorded = replay.ours[label], replay.recorded[label]
-    low, high = targets.UNDECIDED
+    low, high = UNDECIDED
     wrong = ((ours > 1) != (recorded > 1)) & ((recorded < low) | (recorded > high))
     return Check(f"{label} side of 1", f"{int(wrong.sum())} of {wrong.size} differ", "none", not wrong.any())

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from viso.compare.ekf.place import declination_of, field_of
+from viso.replay.ekf.inputs import declination_of, field_of
 
 DECLINATION = 0.2234
 

@@ -5,21 +5,28 @@
 A value stands until another record of its kind comes: most records are written only when they differ.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from typing import Any, Final, Generic, NamedTuple, TypeVar
+
+import numpy as np
 
 from ap_core.cint import i32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
+from ekf_stub.core.core import AFFINITY_BARO, AFFINITY_GPS, AFFINITY_MAG
 from ekf_stub.core.imus import MAX_IMUS
 from ekf_stub.core.inertial import LOOP_DT
 from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.inputs.flow_measurement import FlowMeasurement
 from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
+from ekf_stub.inputs.inertial import Array
 from ekf_stub.inputs.range_state import FinderState, RangeState, RangeStatus
 from ekf_stub.reports.core_report import Three
-from viso.logs.record_fields import finite, instance, numbers, whole
+from viso.logs.record_fields import finite, instance, numbers, text, whole
 
+_ORIGIN_SET: Final = " origin set"
+_ORIGIN_SETTLES_US: Final = 500_000  # until all cores have it
 _VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _LAG, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
 
 T = TypeVar("T")
@@ -231,3 +238,71 @@ class ReplayInputs:
         if receiver not in self._solutions:
             self._solutions[receiver] = self._gps_records.newest(receiver)
         return self._solutions[receiver]
+
+
+class CoreInputs:
+    """The sensors of a core by its number: those of that number, if it has affinity by EK3_AFFINITY."""
+
+    def __init__(self, inputs: ReplayInputs, number: int) -> None:
+        self._inputs = inputs
+        self._number = number
+        self._compasses: Compasses | None = None
+        self._own_compasses: Compasses | None = None
+
+    def baro(self, affinity: int) -> tuple[int, float] | None:
+        """Return the barometer's reading (update_baro_selection)."""
+        baros = self._inputs.baros
+        own = affinity & AFFINITY_BARO and baros.get(self._number)
+        if own and own.is_healthy:
+            return own.value
+        primary = baros.get(self._inputs.primary_baro)
+        return None if primary is None else primary.value
+
+    def compasses(self, affinity: int) -> Compasses:
+        """Return what the compasses say, and which of them is the core's own: the same until that changes."""
+        given = self._inputs.compasses
+        if not affinity & AFFINITY_MAG:
+            return given
+        if self._own_compasses is None or self._compasses is not given:
+            self._compasses, self._own_compasses = given, given.of_core(self._number)
+        return self._own_compasses
+
+    def gps(self, affinity: int) -> GpsSample | None:
+        """Return the newest solution of a receiver (update_gps_selection)."""
+        if affinity & AFFINITY_GPS:
+            own = self._inputs.gps_of(self._number)
+            if own is not None and own.fix_type >= FIX_3D:
+                return own
+        return self._inputs.gps
+
+
+# The magnetic field at the origin, which the firmware has from a table of the world
+
+
+def declination_of(headings: Iterable[Any]) -> float | None:
+    """Return the first declination that the compasses were given; the firmware's table had it from the origin on.
+
+    ``headings`` are the RMGH records of a log.
+    """
+    return next((declination for record in headings if (declination := finite(record, "Dec")[0])), None)
+
+
+def field_of(records: Iterable[Any], declination: float | None) -> Array | None:
+    """Return the earth's field by the firmware's table, Gauss, NED, of which no replay record tells.
+
+    The estimate of it begins there as the origin is set. XKF2 has that cut off to 1 mGauss. ``records`` are the MSG and
+    XKF2 records of a log.
+    """
+    if declination is None:
+        return None
+    set_us: int | None = None
+    for record in records:
+        (time_us,) = whole(record, "TimeUS")
+        if record.get_type() == "MSG":
+            if set_us is None and text(record, "Message").endswith(_ORIGIN_SET):
+                set_us = time_us
+        elif set_us is not None and time_us > set_us + _ORIGIN_SETTLES_US:
+            north, east, down = (value + math.copysign(0.5, value) for value in whole(record, "MN", "ME", "MD"))
+            level = math.hypot(north, east)
+            return 0.001 * np.array([level * math.cos(declination), level * math.sin(declination), down])
+    return None
