@@ -15,8 +15,8 @@ from viso.companion.sources.euroc import EurocRecording
 from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
 from viso.companion.trials.trial import EventSource, run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
+from viso.companion.vio.result import Result
 from viso.companion.vio.types import ImuBias, VioState, WarmStartPose
-from viso.companion.vio.worker import VioUpdate
 from viso.geometry.se3 import SE3, Array, so3_exp
 
 THREE_SIGMA: Final = 14.16  # of the normalised square of three numbers: 99.73 %
@@ -30,12 +30,12 @@ class TrialFrame:
     """A frame, what the strategy made of it, and the truth.
 
     Attributes:
-        update: what the worker told; its output is None in INIT and LOST.
+        result: of the frame; its output is None in INIT and LOST.
         local: the composed pose, north as its alignment and the first output as its origin; None without output.
         truth: world_T_body, None where it is not known.
     """
 
-    update: VioUpdate
+    result: Result
     local: LocalPose | None
     truth: SE3 | None
 
@@ -69,17 +69,17 @@ class Trial:
 
     def states(self) -> Counter[VioState]:
         """Return how many frames ended in which state."""
-        return Counter(frame.update.health.state for frame in self.frames)
+        return Counter(frame.result.state for frame in self.frames)
 
     def estimate(self) -> TimedPoses:
         """Return the poses of all outputs, in the strategy's world."""
         return TimedPoses.of(
-            [(frame.update.t_ns, pose) for frame in self.frames if (pose := _estimated(frame)) is not None]
+            [(frame.result.t_ns, pose) for frame in self.frames if (pose := _estimated(frame)) is not None]
         )
 
     def truth(self) -> TimedPoses:
         """Return the true poses at all frames where they are known."""
-        return TimedPoses.of([(frame.update.t_ns, frame.truth) for frame in self.frames if frame.truth is not None])
+        return TimedPoses.of([(frame.result.t_ns, frame.truth) for frame in self.frames if frame.truth is not None])
 
     def absolute_error(self) -> AbsoluteError:
         """Return the error of the trajectory after alignment without scale.
@@ -112,11 +112,11 @@ class Trial:
         Raises:
             EvaluationError: if there is none whose truth is known.
         """
-        truths = {frame.update.frame_id: frame.truth for frame in self.frames}
+        truths = {frame.result.frame_id: frame.truth for frame in self.frames}
         errors, covariances = [], []
         for frame in self.frames:
-            output, truth = frame.update.output, frame.truth
-            if output is None or truth is None or frame.update.health.state is not VioState.TRACKING:
+            output, truth = frame.result.output, frame.truth
+            if output is None or truth is None or frame.result.state is not VioState.TRACKING:
                 continue
             keyframe = truths.get(output.keyframe_id)
             if keyframe is not None and output.keyframe_id != output.frame_id:
@@ -131,7 +131,7 @@ class Trial:
         errors, refuted, unsaid = [], 0, 0.0
         for frame in composed[1:]:
             local, error_m = frame.local, _place_error(composed[0], frame)
-            if local is None or frame.update.health.state is not VioState.TRACKING:
+            if local is None or frame.result.state is not VioState.TRACKING:
                 continue
             covariance = local.L_T_B.R.dot(local.covariance_6x6[3:, 3:]).dot(local.L_T_B.R.T)
             errors.append(float(np.linalg.norm(error_m)))
@@ -177,8 +177,8 @@ def run_trial(
         options: others of ``run_through``.
     """
     composer = OdometryComposer(LocalAlignment.NORTH, world_is_north=True, agl_scale_sigma=config.scale_sigma)
-    updates = run_through(source, config, warm_start, **options)
-    frames = (TrialFrame(update, composer.compose_alone(update.output), truth(update.t_ns)) for update in updates)
+    results = run_through(source, config, warm_start, **options)
+    frames = (TrialFrame(result, composer.compose_alone(result.output), truth(result.t_ns)) for result in results)
     return Trial(tuple(frames))
 
 
@@ -193,7 +193,7 @@ def _place_error(first: TrialFrame, frame: TrialFrame) -> Array:
 
 
 def _estimated(frame: TrialFrame) -> SE3 | None:
-    return None if frame.update.output is None else frame.update.output.world_T_body
+    return None if frame.result.output is None else frame.result.output.world_T_body
 
 
 def _nees(errors: list[Array], covariances: list[Array]) -> float:

@@ -31,14 +31,14 @@ fly = functools.cache(fly_again)
 
 
 def test_it_begins_with_two_frames_and_is_never_lost() -> None:
-    states = [frame.update.health.state for frame in fly().frames]
+    states = [frame.result.state for frame in fly().frames]
     assert len(states) > 30
     assert states[:2] == [VioState.INIT] * 2
     assert set(states[2:]) <= {VioState.TRACKING, VioState.DEGRADED}
 
 
 def test_three_quarters_of_the_points_are_found_again() -> None:
-    outputs = [frame.update.output for frame in fly().frames]
+    outputs = [frame.result.output for frame in fly().frames]
     assert median(output.feature_quality.tracked for output in outputs if output is not None) >= 150
 
 

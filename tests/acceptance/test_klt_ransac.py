@@ -53,7 +53,7 @@ class TestSurvey:
 
     @pytest.mark.parametrize("seed", SEEDS)
     def test_its_place_is_never_stated_to_less_than_a_millimetre(self, seed: int) -> None:
-        outputs = [frame.update.output for frame in fly_nadir(NAME, seed).frames]
+        outputs = [frame.result.output for frame in fly_nadir(NAME, seed).frames]
         smallest = [np.linalg.eigvalsh(output.pose_covariance_6x6[3:, 3:])[0] for output in outputs if output]
         assert min(smallest) >= 1e-6 * (1 - 1e-9)
 

@@ -70,7 +70,7 @@ fly_nadir = functools.cache(fly_nadir_again)
 def composed(trial: Trial, scale_sigma: float) -> Trial:
     """Return a trial whose poses are composed with another sigma of the scale."""
     composer = OdometryComposer(LocalAlignment.NORTH, world_is_north=True, agl_scale_sigma=scale_sigma)
-    frames = (dataclasses.replace(frame, local=composer.compose_alone(frame.update.output)) for frame in trial.frames)
+    frames = (dataclasses.replace(frame, local=composer.compose_alone(frame.result.output)) for frame in trial.frames)
     return Trial(tuple(frames))
 
 
@@ -101,7 +101,7 @@ def claims_to_track(trial: Trial) -> bool:
 
 def still_end(trial: Trial) -> tuple[float, Array]:
     """Return the largest drift in m, and the speeds [N] in m/s, at the end of a trial whose body then stands still."""
-    outputs = [(frame.update.t_ns, frame.update.output) for frame in trial.frames]
+    outputs = [(frame.result.t_ns, frame.result.output) for frame in trial.frames]
     end_ns = outputs[-1][0]
     still = [output for t_ns, output in outputs if output is not None and t_ns > end_ns - STILL_S * 1e9]
     places = np.array([output.world_T_body.t for output in still])
@@ -111,7 +111,7 @@ def still_end(trial: Trial) -> tuple[float, Array]:
 
 def trace_of(trial: Trial) -> bytes:
     """Return all that a strategy said about its motion, as bytes."""
-    outputs = [frame.update.output for frame in trial.frames]
+    outputs = [frame.result.output for frame in trial.frames]
     return b"".join(
         output.world_T_body.matrix().tobytes() + output.pose_covariance_6x6.tobytes()
         for output in outputs

@@ -6,7 +6,6 @@ All look at the same scene: a camera before a wall of bright and dark tiles, on 
 whose camera is covered.
 """
 
-import contextlib
 import dataclasses
 import threading
 import uuid
@@ -17,7 +16,6 @@ import numpy as np
 import pytest
 
 from tests.unit.viso.companion.engine.compiled import inertial_engine
-from tests.unit.viso.companion.strategies.fake_native import install
 from tests.unit.viso.companion.vio.strategy_rig import (
     GRAVITY,
     IMU_PERIOD_NS,
@@ -29,11 +27,11 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     still_window,
 )
 from viso.companion.vio.config import EngineConfig, VioConfig
-from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
+from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.json_log import compact_json
-from viso.companion.vio.registry import FLAGS, STRATEGIES, build_vio_strategy
-from viso.companion.vio.strategy import StrategyBase
+from viso.companion.vio.registry import STRATEGIES, build_vio_strategy
+from viso.companion.vio.result import Degraded, Initializing, Lost, Result
 from viso.companion.vio.types import (
     ImuBias,
     ImuSample,
@@ -47,24 +45,20 @@ from viso.companion.vio.types import (
 from viso.geometry.covariance import sound_covariance
 from viso.geometry.se3 import SE3
 
-Prepare = Callable[[pytest.MonkeyPatch], object]
+Prepare = Callable[[], object]
 
 # What a strategy needs before the factory can build it. To put one under the contract is to add its row.
 PREPARATIONS: dict[str, Prepare] = {
-    "klt_ransac": lambda monkeypatch: pytest.importorskip("cv2"),
-    "fixed_lag": lambda monkeypatch: [pytest.importorskip(library) for library in ("cv2", "gtsam")],
-    "okvis2": lambda monkeypatch: [pytest.importorskip("cv2"), install(monkeypatch, "viso_okvis2_native")],
-    "vins_mono": lambda monkeypatch: [
-        pytest.importorskip("cv2"),
-        install(monkeypatch, "viso_vins_mono_native", starts_at_rest=False),
-    ],
-    "engine": lambda monkeypatch: [pytest.importorskip("cv2"), inertial_engine()],
+    "klt_ransac": lambda: pytest.importorskip("cv2"),
+    "fixed_lag": lambda: [pytest.importorskip(library) for library in ("cv2", "gtsam")],
+    "okvis2": lambda: [pytest.importorskip("cv2"), inertial_engine()],
+    "vins_mono": lambda: [pytest.importorskip("cv2"), inertial_engine()],
+    "engine": lambda: [pytest.importorskip("cv2"), inertial_engine()],
 }
 
-NEEDS_MOTION = "engine --needs-motion"
-"""A program that finds its state by itself only in motion; at rest it is told."""
+PROGRAMS = {"okvis2": "", "vins_mono": " --needs-motion", "engine": ""}
+"""Options of the program. One that needs motion finds its state by itself only then; at rest it is given."""
 
-ALL_ON = dict.fromkeys(FLAGS, True)
 WIDTH, HEIGHT, TILE = 320, 240, 20
 PATIENCE = 30  # frames: 3 s
 LOST_FRAMES = 3
@@ -102,18 +96,15 @@ class Bench:
         self.clock = Ticks()
         mounting = SE3(MOUNTINGS["forward"], np.zeros(3))
         self.calibration = make_calibration(WIDTH, HEIGHT, fx=200.0, fy=200.0, B_T_C=mounting)
-        self.starts_in_motion = name == NEEDS_MOTION
-        name, _, option = name.partition(" ")
-        command = f"{inertial_engine()} {option}" if name == "engine" else ""
+        self.starts_in_motion = name == "vins_mono"
+        command = inertial_engine() + PROGRAMS[name] if name in PROGRAMS else ""
         self.config = VioConfig(
             strategy=name,
             lost_frames_fatal=LOST_FRAMES,
             max_features=FEATURES,
             engine=EngineConfig(command=command),
         )
-        strategy = build_vio_strategy(self.config, self.calibration, self.clock, logger, flags=ALL_ON)
-        assert isinstance(strategy, StrategyBase)
-        self.strategy = strategy
+        self.strategy = build_vio_strategy(self.config, self.calibration, self.clock, logger)
         self.next = 10
 
     def frame(self, pixels: Pixels = WALL, **changed: Any) -> NavCameraFrame:
@@ -121,22 +112,17 @@ class Bench:
 
     def process(
         self, pixels: Pixels = WALL, window: Callable[[int, int], ImuWindow] = still_window, **changed: Any
-    ) -> VioOutput:
+    ) -> Result:
         """Process the next frame."""
         frame = self.frame(pixels, **changed)
         t_ns = frame.capture_timestamp
         self.next += 1
         self.clock.now_ns = t_ns + 1_000_000
-        return self.strategy.process_frame(frame, window(t_ns - PERIOD_NS, t_ns), self.calibration)
+        return self.strategy.process(frame, window(t_ns - PERIOD_NS, t_ns))
 
     def see(self, pixels: Pixels = WALL) -> VioOutput | None:
-        """Process the next frame, standing still; return its output, degraded or not, or None in INIT."""
-        try:
-            return self.process(pixels)
-        except VioDegradedError as error:
-            return error.output
-        except VioInitializingError:
-            return None
+        """Process the next frame, standing still; return its output, degraded or not, or None."""
+        return self.process(pixels).output
 
     def initialise(self) -> VioOutput:
         """Process frames until one has an output."""
@@ -146,7 +132,7 @@ class Bench:
         raise AssertionError("no state after 3 s of standing still")
 
     def state(self) -> VioState:
-        return self.strategy.health_snapshot().state
+        return self.strategy.health.state
 
 
 def level_start() -> WarmStartPose:
@@ -166,7 +152,7 @@ class Stood:
         outputs: from the first one on.
         expected_ids: of their frames.
         states: after them.
-        degraded: whether they came with an error.
+        results: that they came with.
     """
 
     def __init__(self, bench: Bench) -> None:
@@ -175,37 +161,33 @@ class Stood:
         self.outputs: list[VioOutput] = []
         self.expected_ids: list[uuid.UUID] = []
         self.states: list[VioState] = []
-        self.degraded: list[bool] = []
+        self.results: list[Result] = []
         while len(self.outputs) <= 10 and len(self.told) < PATIENCE:
             self._see()
         assert self.outputs, "no state after 3 s of standing still"
 
     def _see(self) -> None:
-        output, expected_id, is_degraded = None, self.bench.frame().frame_id, False
-        try:
-            output = self.bench.process()
-        except VioDegradedError as error:
-            output, is_degraded = error.output, True
-        except VioInitializingError:
+        expected_id, result = self.bench.frame().frame_id, self.bench.process()
+        self.told.append(values(result.output))
+        if result.output is None:
             assert self.outputs == []
-        self.told.append(values(output))
-        if output is not None:
-            self.outputs.append(output)
-            self.expected_ids.append(expected_id)
-            self.states.append(self.bench.state())
-            self.degraded.append(is_degraded)
+            return
+        self.outputs.append(result.output)
+        self.expected_ids.append(expected_id)
+        self.results.append(result)
+        self.states.append(self.bench.state())
 
 
-@pytest.fixture(scope="module", params=[*PREPARATIONS, NEEDS_MOTION])
+@pytest.fixture(scope="module", params=list(PREPARATIONS))
 def kind(request: pytest.FixtureRequest) -> str:
     """Return which strategy."""
     return str(request.param)
 
 
 @pytest.fixture
-def bench(kind: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+def bench(kind: str) -> Iterator[Bench]:
     """Yield a bench with a new strategy."""
-    PREPARATIONS[kind.split()[0]](monkeypatch)
+    PREPARATIONS[kind]()
     bench = Bench(kind)
     yield bench
     bench.strategy.close()
@@ -214,9 +196,8 @@ def bench(kind: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
 @pytest.fixture(scope="module")
 def stood(kind: str) -> Iterator[Stood]:
     """Yield a strategy that has stood still, to be looked at only."""
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        PREPARATIONS[kind.split()[0]](monkeypatch)
-        bench = Bench(kind)
+    PREPARATIONS[kind]()
+    bench = Bench(kind)
     yield Stood(bench)
     bench.strategy.close()
 
@@ -228,21 +209,19 @@ class TestStrategy:
         assert stood.bench.strategy.name == stood.bench.config.strategy
 
     def test_is_in_init_when_new(self, bench: Bench) -> None:
-        health = bench.strategy.health_snapshot()
+        health = bench.strategy.health.snapshot()
         assert (health.state, health.consecutive_lost) == (VioState.INIT, 0)
 
     def test_initializing_before_there_is_a_state(self, bench: Bench) -> None:
         for _ in range(1 if bench.starts_in_motion else 10):
-            with pytest.raises(VioInitializingError):
-                bench.process(window=still_window if bench.starts_in_motion else shaken_window)
+            result = bench.process(window=still_window if bench.starts_in_motion else shaken_window)
+            assert isinstance(result, Initializing)
         assert bench.state() is VioState.INIT
 
     def test_motion_starts_what_needs_it(self, bench: Bench) -> None:
         states = set[VioState]()
         for _ in range(10):
-            with contextlib.suppress(VioInitializingError, VioDegradedError):
-                bench.process(window=shaken_window)
-            states.add(bench.state())
+            states.add(bench.process(window=shaken_window).state)
         assert (states != {VioState.INIT}) == bench.starts_in_motion
 
     def test_standing_still_brings_outputs(self, stood: Stood) -> None:
@@ -265,20 +244,17 @@ class TestStrategy:
             assert output.keyframe_id == keyframe_id
             keyframe_id = output.frame_id if output.is_keyframe else keyframe_id
 
-    def test_returning_is_tracking_and_raising_degraded(self, stood: Stood) -> None:
-        expected = [VioState.DEGRADED if is_degraded else VioState.TRACKING for is_degraded in stood.degraded]
-        assert stood.states == expected
+    def test_results_tell_the_state(self, stood: Stood) -> None:
+        assert [result.state for result in stood.results] == stood.states
 
-    def test_another_camera_is_fatal(self, bench: Bench) -> None:
+    def test_another_camera_ends_in_lost(self, bench: Bench) -> None:
         bench.initialise()
-        with pytest.raises(VioFatalError):
-            bench.process(camera_id="other")
+        assert isinstance(bench.process(camera_id="other"), Lost)
 
     @pytest.mark.parametrize("size", [(HEIGHT - 1, WIDTH), (WIDTH, HEIGHT)])
-    def test_another_size_is_fatal(self, bench: Bench, size: tuple[int, int]) -> None:
+    def test_another_size_ends_in_lost(self, bench: Bench, size: tuple[int, int]) -> None:
         bench.initialise()
-        with pytest.raises(VioFatalError):
-            bench.process(np.zeros(size, np.uint8))
+        assert isinstance(bench.process(np.zeros(size, np.uint8)), Lost)
 
     def test_colour_is_as_good_as_grey(self, bench: Bench) -> None:
         colour = np.repeat(WALL[:, :, None], 3, axis=2)
@@ -286,36 +262,37 @@ class TestStrategy:
 
     def test_second_caller_is_refused_while_health_is_told(self, bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
         bench.initialise()
-        before = bench.strategy.health_snapshot()
+        before = bench.strategy.health.snapshot()
         told: list[object] = []
 
         def look() -> None:
-            told.append(bench.strategy.health_snapshot())
-            with pytest.raises(VioFatalError, match=r"^concurrent process_frame$"):
+            told.append(bench.strategy.health.snapshot())
+            with pytest.raises(VioFatalError, match=r"^concurrent use of a strategy$"):
                 bench.process()
-            told.append(bench.strategy.health_snapshot())
+            told.append(bench.strategy.health.snapshot())
 
-        def work(*_: object) -> VioOutput:
+        process = bench.strategy._process
+
+        def work(frame: NavCameraFrame, imu_window: ImuWindow) -> Result:
             other = threading.Thread(target=look)
             other.start()
             other.join(10)
-            raise VioInitializingError
+            return process(frame, imu_window)
 
         with monkeypatch.context() as patch:
             patch.setattr(bench.strategy, "_process", work)
-            assert bench.see() is None
+            assert bench.see() is not None
         assert told == [before, before]
         assert bench.see() is not None
 
     def test_covered_camera_is_degraded_then_lost(self, bench: Bench) -> None:
         bench.initialise()
         for count in range(1, LOST_FRAMES):
-            with pytest.raises(VioDegradedError) as caught:
-                bench.process(DARK)
-            assert sound_covariance(caught.value.output.pose_covariance_6x6) is not None
-            assert bench.strategy.health_snapshot().consecutive_lost == count
-        with pytest.raises(VioFatalError):
-            bench.process(DARK)
+            result = bench.process(DARK)
+            assert isinstance(result, Degraded)
+            assert sound_covariance(result.output.pose_covariance_6x6) is not None
+            assert result.consecutive_lost == count
+        assert isinstance(bench.process(DARK), Lost)
         assert bench.state() is VioState.LOST
 
     def test_lost_stays_lost_until_a_warm_start(self, bench: Bench) -> None:
@@ -323,33 +300,31 @@ class TestStrategy:
         for _ in range(LOST_FRAMES - 1):
             bench.see(DARK)
         for pixels in (DARK, WALL, WALL):
-            with pytest.raises(VioFatalError):
-                bench.process(pixels)
-        bench.strategy.reset_to_warm_start(level_start())
+            assert isinstance(bench.process(pixels), Lost)
+        bench.strategy.reset(level_start())
         bench.initialise()
-        assert bench.strategy.frame_report().resets == 1
+        assert bench.process().resets == 1
 
     def test_one_dark_frame_does_no_harm(self, bench: Bench) -> None:
         bench.initialise()
-        with pytest.raises(VioDegradedError):
-            bench.process(DARK)
+        assert isinstance(bench.process(DARK), Degraded)
         assert bench.see() is not None
 
     def test_frame_without_inertial_data_is_a_lost_one(self, bench: Bench) -> None:
         bench.initialise()
-        with pytest.raises(VioDegradedError):
-            bench.process(window=empty_window)
-        assert bench.strategy.health_snapshot().consecutive_lost == 1
+        result = bench.process(window=empty_window)
+        assert isinstance(result, Degraded)
+        assert result.consecutive_lost == 1
 
     def test_warm_start_begins_in_init_and_ends_where_it_said(self, bench: Bench) -> None:
-        bench.strategy.reset_to_warm_start(level_start())
+        bench.strategy.reset(level_start())
         assert bench.state() is VioState.INIT
         output = bench.initialise()
         assert output.world_T_body.t == pytest.approx([10.0, 20.0, 30.0], abs=0.1)
 
     def test_warm_start_in_flight_goes_back_to_init(self, bench: Bench) -> None:
         bench.initialise()
-        bench.strategy.reset_to_warm_start(level_start())
+        bench.strategy.reset(level_start())
         assert bench.state() is VioState.INIT
 
     @pytest.mark.parametrize(
@@ -367,7 +342,7 @@ class TestStrategy:
         pose = level_start()
         object.__setattr__(getattr(pose, where) if where else pose, field, bad)
         with pytest.raises(VioFatalError):
-            bench.strategy.reset_to_warm_start(pose)
+            bench.strategy.reset(pose)
         assert bench.state() is VioState.INIT
 
     def test_same_input_same_output(self, bench: Bench, stood: Stood) -> None:

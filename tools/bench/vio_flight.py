@@ -4,7 +4,6 @@
 
 import logging
 import time
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final
 
@@ -13,7 +12,6 @@ import cv2
 from viso.companion.strategies.klt_ransac import KltRansac
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, Scene, VioConfig
-from viso.companion.vio.errors import VioDegradedError, VioInitializingError
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.strategy import StrategyContext
 from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent
@@ -46,7 +44,7 @@ class FlownStrategy:
         self._last_ns: int | None = None
         config = VioConfig(scene=Scene.PLANAR, agl_source=AglSource.RANGEFINDER)
         self.strategy = KltRansac(StrategyContext(config, calibration, lambda: 0, logging.getLogger(__name__)))
-        self.strategy.reset_to_warm_start(flight.warm_start())
+        self.strategy.reset(flight.warm_start())
         for _ in range(WARM_UP_FRAMES):
             self.run()
 
@@ -57,8 +55,7 @@ class FlownStrategy:
         window = self._imu.window(stamp_ns if self._last_ns is None else self._last_ns, stamp_ns, 0.0)
         self._last_ns = stamp_ns
         begin_s = time.process_time()
-        with suppress(VioInitializingError, VioDegradedError):
-            self.strategy.process_frame(frame, window, self._calibration)
+        self.strategy.process(frame, window)
         return time.process_time() - begin_s
 
     def _next_frame(self) -> NavCameraFrame:

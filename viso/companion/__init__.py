@@ -8,14 +8,13 @@ from viso.companion.sender import OffsetClock
 from viso.companion.vio.config import VioConfig, load_config
 from viso.companion.vio.errors import (
     StrategyNotAvailableError,
-    VioDegradedError,
     VioError,
     VioFatalError,
-    VioInitializingError,
 )
 from viso.companion.vio.health import FrameFacts, Growth
 from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy
-from viso.companion.vio.strategy import FrameReport, StrategyBase, StrategyContext
+from viso.companion.vio.result import Degraded, Initializing, Lost, Result, Tracking
+from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
     FeatureQuality,
@@ -34,27 +33,29 @@ __all__ = [
     "SE3",
     "STRATEGIES",
     "CameraCalibration",
+    "Degraded",
     "FeatureQuality",
     "FrameFacts",
-    "FrameReport",
     "Growth",
     "ImuBias",
     "ImuSample",
     "ImuWindow",
+    "Initializing",
+    "Lost",
     "NavCameraFrame",
     "OdometrySender",
     "OdometrySource",
     "OffsetClock",
+    "Result",
     "StrategyBase",
     "StrategyContext",
     "StrategyEntry",
     "StrategyNotAvailableError",
+    "Tracking",
     "VioConfig",
-    "VioDegradedError",
     "VioError",
     "VioFatalError",
     "VioHealth",
-    "VioInitializingError",
     "VioOutput",
     "VioState",
     "WarmStartPose",

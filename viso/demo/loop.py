@@ -169,7 +169,7 @@ class CompanionLoop(VehicleLoop):
         super().__init__(_make_vehicle(setup, open_log), LoopRecord())
         logger = logging.Logger(COMPANION, logging.INFO)  # of its own: it is not the program's
         logger.addHandler(self.recorder)
-        listeners = [self.recorder.take_update]
+        listeners = [self.recorder.take_result]
         self.companion = VirtualCompanion(setup.flight, setup.config, self.companion_wire, logger, listeners)
 
     def command(self, command: int, *params: float) -> None:

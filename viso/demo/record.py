@@ -14,8 +14,8 @@ from ekf_stub.reports.aiding_mode import AidingMode
 from ekf_stub.reports.filter_status import FilterFlag
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.messages import ODOMETRY
+from viso.companion.vio.result import Result
 from viso.companion.vio.types import VioState
-from viso.companion.vio.worker import VioUpdate
 from viso.vehicle.outcomes.labels import is_final
 from viso.vehicle.outcomes.watch import FilterWatch, SampleTest
 from viso.vehicle.vehicle import Vehicle
@@ -149,9 +149,9 @@ class LoopRecorder(logging.Handler):
             return
         self._note(COMPANION, _SEVERITIES.get(record.levelno, 6), record.getMessage())
 
-    def take_update(self, update: VioUpdate) -> None:
-        """Note what the companion makes of a frame (a listener of its worker)."""
-        self.record.health.append(Health(self._now_us(), update.health.state))
+    def take_result(self, result: Result) -> None:
+        """Note the state after a frame (a listener of the companion's worker)."""
+        self.record.health.append(Health(self._now_us(), result.state))
 
     def _of_filter(self) -> tuple[Three | None, tuple[float, float] | None]:
         """Return the sigmas of the position, and its last reset."""

@@ -110,7 +110,7 @@ def test_strategy_of_the_bench_tracks(enlargement: int) -> None:
     flown = FlownStrategy(generate_texture(), 320, 240, enlargement)
     for _ in range(5):
         flown.run()
-    health = flown.strategy.health_snapshot()
+    health = flown.strategy.health.snapshot()
     assert (health.state, health.consecutive_lost) == (VioState.TRACKING, 0)
 
 

@@ -13,6 +13,7 @@ from viso.companion.engine.child import EXIT_S, EngineChild, EngineFailure, OnLi
 from viso.companion.engine.protocol import (
     IMU_SAMPLE,
     VERSION,
+    Capability,
     CovarianceKind,
     Estimate,
     Height,
@@ -86,8 +87,28 @@ class EngineSession:
 
     @property
     def name(self) -> str:
-        """What it calls itself."""
+        """What the program calls itself."""
         return self.hello.name.split(b"\0")[0].decode("ascii", "replace")
+
+    @property
+    def capabilities(self) -> Capability:
+        """What the engine can do."""
+        return Capability(self.hello.capabilities)
+
+    @property
+    def imu_rate_hz(self) -> float:
+        """The least samples per second that it needs; 0 for any."""
+        return self.hello.imu_rate_hz
+
+    @property
+    def pid(self) -> int:
+        """The program's process, which leads a group."""
+        return self.child.pid
+
+    @property
+    def dropped_lines(self) -> int:
+        """How many lines of standard error were too many."""
+        return self.child.dropped_lines
 
     def _introduced(self, timeout_s: float) -> Hello:
         _, hello = self.child.exchange([], Hello, timeout_s)
@@ -170,6 +191,17 @@ class EngineSession:
     def close(self, *, grace_s: float = EXIT_S) -> None:
         """End it; in peace, if it does so within the time."""
         self.child.close(grace_s=grace_s)
+
+
+def stated_covariance(estimate: Estimate) -> Array | None:
+    """Return the covariance [6, 6] of ``keyframe_T_body`` that an engine states; None if it states none."""
+    if estimate.covariance_kind == CovarianceKind.NONE:
+        return None
+    if estimate.covariance_kind == CovarianceKind.RELATIVE:
+        return estimate.covariance[:36].reshape(6, 6)
+    relative = SE3.from_matrix(estimate.keyframe_T_body.reshape(4, 4))
+    keyframe_R = estimate.world_T_body.reshape(4, 4)[:3, :3] @ relative.R.T
+    return relative_covariance(estimate.covariance.reshape(12, 12), relative, keyframe_R)
 
 
 def relative_covariance(joint: Array, keyframe_T_body: SE3, keyframe_R: Array) -> Array:

@@ -16,9 +16,8 @@ from viso.companion.odometry.composer import JUMP_M, LocalPose, OdometryComposer
 from viso.companion.odometry.message import odometry_message
 from viso.companion.odometry.propagation import MotionState, OdometryPropagator
 from viso.companion.vio.config import LocalAlignment, VioConfig
-from viso.companion.vio.health import WARM_START
+from viso.companion.vio.result import Initializing, Lost, Result
 from viso.companion.vio.types import FeatureQuality, ImuSample, VioOutput, VioState
-from viso.companion.vio.worker import VioUpdate
 from viso.geometry.se3 import Array
 
 QUALITY_LOST: Final = -1
@@ -126,20 +125,19 @@ class OdometrySource:
             if not self._propagator.add_imu(sample):
                 self.counters["imu_refused_not_later"] += 1
 
-    def take_update(self, update: VioUpdate) -> None:
-        """Take what a strategy made of a frame, whether there is an output or not (a listener of the worker)."""
-        state, output = update.health.state, update.output
+    def take_result(self, result: Result) -> None:
+        """Take the result of a frame (a listener of the worker)."""
         with self._lock:
-            self._health = state
-            if state is VioState.INIT:
-                self._initialising, self._warm = True, update.health.reason == WARM_START
-            if output is None or state in (VioState.INIT, VioState.LOST):
-                self.counters[f"frames_{state.value.lower()}"] += 1
-            elif self._frame is not None and update.t_ns <= self._frame.t_ns:
+            self._health = result.state
+            if isinstance(result, Initializing):
+                self._initialising, self._warm = True, result.is_warm
+            if isinstance(result, Initializing | Lost):
+                self.counters[f"frames_{result.state.value.lower()}"] += 1
+            elif self._frame is not None and result.t_ns <= self._frame.t_ns:
                 self.counters["frames_refused_not_later"] += 1
             else:
-                frame = _Frame(update.t_ns, output.feature_quality, update.report.innovation_ratio)
-                self.counters[self._take_output(frame, output)] += 1
+                frame = _Frame(result.t_ns, result.output.feature_quality, result.innovation_ratio)
+                self.counters[self._take_output(frame, result.output)] += 1
 
     def message(self, now_us: int) -> ODOMETRY | None:
         """Return the message to be sent at a time, or None if there is nothing to say."""

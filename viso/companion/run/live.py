@@ -93,7 +93,7 @@ class LiveVio:
             self._buffer,
             clock_ns=now_ns,
             logger=logger,
-            listeners=(self._odometry.take_update, log.take),
+            listeners=(self._odometry.take_result, log.take),
         )
         if isinstance(source, Recording) and source.start is not None:
             self._runtime.worker.request_warm_start(source.start)

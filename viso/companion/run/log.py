@@ -13,8 +13,8 @@ import numpy as np
 from viso.companion.odometry.composer import OdometryComposer
 from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
 from viso.companion.vio.config import LocalAlignment, VioConfig
+from viso.companion.vio.result import Result
 from viso.companion.vio.types import VioState
-from viso.companion.vio.worker import VioUpdate
 from viso.geometry.se3 import SE3
 
 TOTAL: Final = "total"
@@ -30,23 +30,23 @@ class LoggedFrame:
     """
 
     t_ns: int
-    update: VioUpdate
+    result: Result
     sigma_m: float | None
 
     @property
     def state(self) -> VioState:
         """The state after the frame."""
-        return self.update.health.state
+        return self.result.state
 
     @property
     def pose(self) -> SE3 | None:
         """The pose world_T_body; None without an output."""
-        return None if self.update.output is None else self.update.output.world_T_body
+        return None if self.result.output is None else self.result.output.world_T_body
 
     @property
     def total_ms(self) -> float:
         """How long the strategy took."""
-        return self.update.report.stage_ms.get(TOTAL, 0.0)
+        return self.result.stage_ms.get(TOTAL, 0.0)
 
 
 class VioLog:
@@ -62,11 +62,11 @@ class VioLog:
         self.shift_ns = 0
         self.frames: list[LoggedFrame] = []
 
-    def take(self, update: VioUpdate) -> None:
-        """Take what is told about a frame."""
-        local = self._composer.compose_alone(update.output)
+    def take(self, result: Result) -> None:
+        """Take the result of a frame."""
+        local = self._composer.compose_alone(result.output)
         sigma_m = None if local is None else math.sqrt(float(np.trace(local.covariance_6x6[3:, 3:])) / 3)
-        self.frames.append(LoggedFrame(update.t_ns - self.shift_ns, update, sigma_m))
+        self.frames.append(LoggedFrame(result.t_ns - self.shift_ns, result, sigma_m))
 
     @property
     def last(self) -> LoggedFrame | None:
@@ -94,13 +94,13 @@ class VioLog:
         """Return what came out, for people and for machines."""
         last, trajectory, error = self.last, self.trajectory(), self.error(truth)
         times_ms = [frame.total_ms for frame in self.frames]
-        features = [frame.update.output.feature_quality for frame in self.frames if frame.update.output is not None]
+        features = [frame.result.output.feature_quality for frame in self.frames if frame.result.output is not None]
         return {
             "frames": len(self.frames),
             "seconds": (self.frames[-1].t_ns - self.frames[0].t_ns) * 1e-9 if self.frames else 0.0,
             "states": dict(self.states()),
             "ended": None if last is None else last.state.value,
-            "reason": None if last is None else last.update.health.reason,
+            "reason": None if last is None else last.result.reason,
             "poses": len(trajectory),
             "path_m": trajectory.path_length_m(),
             "sigma_m": None if last is None else last.sigma_m,
@@ -110,9 +110,9 @@ class VioLog:
             "scale_error": None if error is None else 1.0 / error.scale - 1.0,
             "ms_median": _quantile(times_ms, 50),
             "ms_95": _quantile(times_ms, 95),
-            "dropped": 0 if last is None else last.update.dropped,
-            "resets": 0 if last is None else last.update.report.resets,
-            **({"engine": dict(last.update.report.counters)} if last and last.update.report.counters else {}),
+            "dropped": 0 if last is None else last.result.dropped,
+            "resets": 0 if last is None else last.result.resets,
+            **({"engine": dict(last.result.counters)} if last and last.result.counters else {}),
         }
 
 

@@ -98,7 +98,7 @@ def _sigma(axes: Any, log: VioLog) -> None:
 
 
 def _features(axes: Any, log: VioLog) -> None:
-    outputs = [frame.update.output for frame in log.frames]
+    outputs = [frame.result.output for frame in log.frames]
     tracked = [np.nan if output is None else output.feature_quality.tracked for output in outputs]
     inliers = [np.nan if output is None else output.feature_quality.inliers for output in outputs]
     axes.plot(_frame_s(log), tracked, color=_PATH, lw=1.2)

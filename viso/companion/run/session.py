@@ -51,10 +51,10 @@ class VioSession:
         assert isinstance(source, Recording)
         listeners = (self.log.take,)
         with told_errors(SourceError):
-            updates = run_through(
+            results = run_through(
                 source, self.config, source.start, clock_ns=NOW_NS, logger=self.logger, listeners=listeners
             )
-            for _ in updates:
+            for _ in results:
                 pass
 
     def run_live(

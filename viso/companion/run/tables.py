@@ -26,7 +26,7 @@ def live_table(frame: LoggedFrame | None) -> Table:
     table = Table("state", "reason", *columns, Column("ms", justify="right"), Column("dropped", justify="right"))
     if frame is None:
         return table
-    output = frame.update.output
+    output = frame.result.output
     cells = [_NONE] * len(columns)
     if output is not None:
         quality, place = output.feature_quality, output.world_T_body.t
@@ -36,12 +36,12 @@ def live_table(frame: LoggedFrame | None) -> Table:
     state = Text(frame.state.value, STYLES[frame.state])
     row: list[str | Text] = [
         state,
-        frame.update.health.reason,
+        frame.result.reason,
         *cells,
         f"{frame.total_ms:.0f}",
-        str(frame.update.dropped),
+        str(frame.result.dropped),
     ]
-    if counters := frame.update.report.counters:
+    if counters := frame.result.counters:
         table.add_column("engine")
         row.append(_counts(counters))
     table.add_row(*row)

@@ -27,7 +27,7 @@ from viso.companion.vio.types import (
     SensorEvent,
     WarmStartPose,
 )
-from viso.companion.vio.worker import VioUpdate, VioWorker
+from viso.companion.vio.worker import Listener, VioWorker
 from viso.companion.world.flight import SyntheticFlight
 from viso.geometry.se3 import SE3, Array
 
@@ -100,7 +100,7 @@ class VirtualCompanion:
         config: VioConfig,
         link: Link,
         logger: logging.Logger,
-        listeners: Iterable[Callable[[VioUpdate], None]] = (),
+        listeners: Iterable[Listener] = (),
     ) -> None:
         clock = ClockSync()
         self._now_ns = flight.start_ns
@@ -108,15 +108,7 @@ class VirtualCompanion:
         self._strategy = build_vio_strategy(config, flight.calibration, lambda: self._now_ns, logger)
         self.autopilot = AutopilotState(clock, flight.truth(flight.start_ns).t)
         self.source = OdometrySource(config, local_alignment=config.odometry.local_alignment, world_is_north=True)
-        self.worker = VioWorker(
-            self._strategy,
-            config,
-            flight.calibration,
-            self._imu,
-            clock_ns=lambda: self._now_ns,
-            logger=logger,
-            listeners=(self.source.take_update, *listeners),
-        )
+        self.worker = VioWorker(self._strategy, self._imu, (self.source.take_result, *listeners))
         self.sender = OdometrySender(
             link,
             self.source.message,
@@ -171,7 +163,7 @@ class VirtualCompanion:
             self._start, self._has_world = None, True
             self.worker.request_warm_start(pose)
         if self._has_world:  # else it would begin in one of its own, without a north
-            self.worker.process_one(frame)
+            self.worker.process(frame)
 
 
 def _arrivals(flight: SyntheticFlight) -> Iterator[tuple[int, SensorEvent]]:

@@ -4,43 +4,64 @@
 
 from typing import Final
 
-from viso.companion.klt.front_end import Keyframe
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.estimator import FEWEST_LANDMARKS, Node, NodeFacts, SmootherEstimator
-from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
+from viso.companion.strategies.tracking import Seen, TrackingStrategy
 from viso.companion.vio.config import AglSource
-from viso.companion.vio.types import VioState
+from viso.companion.vio.result import Result
+from viso.companion.vio.types import VioState, WarmStartPose
 
 PIXEL_SIGMA: Final = 1.0  # points wander while they are landmarks
 MIN_NODE_INTERVAL_NS: Final = 150_000_000
 FEWEST_REFUSED: Final = 5  # landmarks that must have been elsewhere, and all of them, to say that something is wrong
 
 
-class FixedLag(TrackingStrategy[SmootherEstimator]):
+class FixedLag(TrackingStrategy):
     """The strategy ``fixed_lag``."""
 
     name = "fixed_lag"
+    _estimator: SmootherEstimator | None
 
-    def _start_over(self) -> None:
-        super()._start_over()
+    def _reset(self, start: WarmStartPose | None) -> None:
         self._node_ns = 0
         self._node = NodeFacts()  # the last one
         self._rests = False  # the body, at the last node
+        super()._reset(start)
 
     def _make_estimator(self, state: WindowFilter) -> SmootherEstimator:
         noise = self.context.config.imu_noise
         return SmootherEstimator(state, noise, self._B_T_C, PIXEL_SIGMA / self._front.focal_px)
 
-    def _update(self, estimator: SmootherEstimator, seen: Seen) -> Outcome:
-        keyframe, t_ns = self._keyframe, seen.window.end_t_ns
-        if keyframe is not None and t_ns - self._node_ns < MIN_NODE_INTERVAL_NS:
-            return self._outcome(estimator, keyframe)
-        node = self._add_node(estimator, seen)
-        may_change = not (node.failed or self._rests)
-        reference, is_keyframe = self._keyframe_of(seen, estimator.state, must=node.begins, may=may_change)
-        if is_keyframe:
-            estimator.set_keyframe(self._number)
-        return self._outcome(estimator, reference, node, is_keyframe=is_keyframe)
+    def _update(self, seen: Seen) -> Result:
+        assert self._estimator is not None
+        estimator, state, last = self._estimator, self._estimator.state, self._keyframe
+        node: NodeFacts | None = None
+        is_keyframe, since = False, None
+        with self.stage("filter"):
+            if last is None or seen.window.end_t_ns - self._node_ns >= MIN_NODE_INTERVAL_NS:
+                node = self._add_node(estimator, seen)
+                may_change = not (node.failed or self._rests)
+                last, is_keyframe = self._keyframe_of(seen, state, must=node.begins, may=may_change)
+                if is_keyframe:
+                    estimator.set_keyframe(self._number)
+                if self.health.state is VioState.INIT:
+                    estimator.begin_chain(last.number)
+            if estimator.chain is not None:
+                since = estimator.chain.covariance(state, last.number, self._number if is_keyframe else None)
+        floats = self._node.agreeing < FEWEST_LANDMARKS and not (self._node.is_filtered or self._rests)
+        return self._answer(
+            seen,
+            state,
+            last,
+            is_keyframe=is_keyframe,
+            mre_px=PIXEL_SIGMA * self._node.mre_sigmas,
+            innovation_ratio=estimator.innovation_ratio,
+            depth_m=self._node.depth_m if node is not None and not self._rests else None,
+            is_refused=node is not None and node.landmarks >= FEWEST_REFUSED and node.agreeing == 0,
+            has_failed=node is not None and node.failed,
+            leaves_scale_open=floats or self._ground.leaves_scale_open(state),
+            start_covariance_6x6=since,
+        )
 
     def _add_node(self, estimator: SmootherEstimator, seen: Seen) -> NodeFacts:
         state, t_ns = estimator.state, seen.window.end_t_ns
@@ -63,30 +84,3 @@ class FixedLag(TrackingStrategy[SmootherEstimator]):
         off = self.heights.off(state, height, ground.z_m)
         ground.note_relief(off)
         return height if off is None else None
-
-    def _outcome(
-        self,
-        estimator: SmootherEstimator,
-        reference: Keyframe,
-        node: NodeFacts | None = None,
-        *,
-        is_keyframe: bool = False,
-    ) -> Outcome:
-        last, state = self._node, estimator.state
-        if self.health.state is VioState.INIT and node is not None:
-            estimator.begin_chain(reference.number)
-        since = None
-        if estimator.chain is not None:
-            since = estimator.chain.covariance(state, reference.number, self._number if is_keyframe else None)
-        floats = last.agreeing < FEWEST_LANDMARKS and not (last.is_filtered or self._rests)
-        return Outcome(
-            reference,
-            is_keyframe,
-            PIXEL_SIGMA * last.mre_sigmas,
-            estimator.innovation_ratio,
-            depth_m=last.depth_m if node is not None and not self._rests else None,
-            is_refused=node is not None and node.landmarks >= FEWEST_REFUSED and node.agreeing == 0,
-            has_failed=node is not None and node.failed,
-            leaves_scale_open=floats or self._ground.leaves_scale_open(state),
-            start_covariance_6x6=since,
-        )

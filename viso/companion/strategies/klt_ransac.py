@@ -8,24 +8,26 @@ from viso.companion.msckf.chain import Chain
 from viso.companion.msckf.estimator import WindowEstimator
 from viso.companion.msckf.multi_state import TracksUsed
 from viso.companion.msckf.window_filter import WindowFilter
-from viso.companion.strategies.tracking import Outcome, Seen, TrackingStrategy
+from viso.companion.strategies.tracking import Seen, TrackingStrategy
 from viso.companion.vio.config import AglSource, Scene
-from viso.companion.vio.types import VioState
+from viso.companion.vio.result import Result
+from viso.companion.vio.types import VioState, WarmStartPose
 
 PIXEL_SIGMA: Final = 0.5
 MIN_CLONE_INTERVAL_NS: Final = 80_000_000
 FEWEST_REFUSED: Final = 5  # tracks that must have been refused, and all of them, to say that something is wrong
 
 
-class KltRansac(TrackingStrategy[WindowEstimator]):
+class KltRansac(TrackingStrategy):
     """The strategy ``klt_ransac``."""
 
     name = "klt_ransac"
+    _estimator: WindowEstimator | None
 
-    def _start_over(self) -> None:
-        super()._start_over()
+    def _reset(self, start: WarmStartPose | None) -> None:
         self._cloned_ns = 0
         self._used = TracksUsed()  # by the last frame that used some
+        super()._reset(start)
 
     def _make_estimator(self, state: WindowFilter) -> WindowEstimator:
         config = self.context.config
@@ -37,28 +39,32 @@ class KltRansac(TrackingStrategy[WindowEstimator]):
             2 if config.scene is Scene.PLANAR else 3,
         )
 
-    def _update(self, estimator: WindowEstimator, seen: Seen) -> Outcome:
-        state, keyframe, t_ns = estimator.state, self._keyframe, seen.window.end_t_ns
-        self._number += 1
-        rests = keyframe is not None and self._takes_rest(state, t_ns - seen.window.start_t_ns)
-        is_due = seen.sighting.model is not None and t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
-        is_cloned = keyframe is None or (is_due and not rests)
-        if not rests:
-            estimator.compare(seen.sighting)
-        used = self._add_frame(estimator, seen) if is_cloned else TracksUsed()
-        if self.context.config.agl_source is not AglSource.NONE and not self._ground.is_rough:
-            self._ground.note_relief(self.heights.use(state, t_ns, self._ground.z_m))
-        reference, is_keyframe = self._keyframe_of(seen, state, must=False, may=is_cloned)
-        if self.health.state is VioState.INIT:
-            estimator.chain = Chain(state, state.clones[-1].number, reference.number)
-        since = None
-        if estimator.chain is not None:
-            since = estimator.chain.covariance(state, reference.number, self._number if is_keyframe else None)
-        return Outcome(
+    def _update(self, seen: Seen) -> Result:
+        assert self._estimator is not None
+        estimator, state = self._estimator, self._estimator.state
+        keyframe, t_ns, since = self._keyframe, seen.window.end_t_ns, None
+        with self.stage("filter"):
+            self._number += 1
+            rests = keyframe is not None and self._takes_rest(state, t_ns - seen.window.start_t_ns)
+            is_due = seen.sighting.model is not None and t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
+            is_cloned = keyframe is None or (is_due and not rests)
+            if not rests:
+                estimator.compare(seen.sighting)
+            used = self._add_frame(estimator, seen) if is_cloned else TracksUsed()
+            if self.context.config.agl_source is not AglSource.NONE and not self._ground.is_rough:
+                self._ground.note_relief(self.heights.use(state, t_ns, self._ground.z_m))
+            reference, is_keyframe = self._keyframe_of(seen, state, must=False, may=is_cloned)
+            if self.health.state is VioState.INIT:
+                estimator.chain = Chain(state, state.clones[-1].number, reference.number)
+            if estimator.chain is not None:
+                since = estimator.chain.covariance(state, reference.number, self._number if is_keyframe else None)
+        return self._answer(
+            seen,
+            state,
             reference,
-            is_keyframe,
-            PIXEL_SIGMA * self._used.mre_sigmas,
-            estimator.innovation_ratio,
+            is_keyframe=is_keyframe,
+            mre_px=PIXEL_SIGMA * self._used.mre_sigmas,
+            innovation_ratio=estimator.innovation_ratio,
             depth_m=self._used.depth_m if is_cloned else None,
             is_refused=used.offered >= FEWEST_REFUSED and used.used == 0,
             leaves_scale_open=self._ground.leaves_scale_open(state),

@@ -6,7 +6,7 @@ import abc
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Generic, Protocol, TypeVar
+from typing import Final, Protocol
 
 import cv2
 import numpy as np
@@ -25,9 +25,9 @@ from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, Scene
 from viso.companion.vio.health import FrameFacts, Growth
 from viso.companion.vio.imu_window import ImuPeriod
+from viso.companion.vio.result import Result
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
-    CameraCalibration,
     FeatureQuality,
     ImuBias,
     ImuWindow,
@@ -58,9 +58,6 @@ class Estimator(Protocol):
         """Move on by inertial data or, where there are none, as the body moved last."""
 
 
-_E = TypeVar("_E", bound=Estimator)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
     """A frame, and what was found out about it before the estimator gets it.
@@ -78,35 +75,10 @@ class Seen:
     begins: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What an estimator made of a frame.
-
-    Attributes:
-        reference: the keyframe that the pose refers to; its pose is in the estimator's state.
-        is_keyframe: whether the frame is the keyframe of those after it.
-        mre_px: mean reprojection error of the last points that were used, outliers left out.
-        innovation_ratio: running mean of their normalised innovation squared per degree of freedom.
-        depth_m: of the scene; None for a frame that did not measure how the body has moved.
-        is_refused: whether nothing that was measured agreed with the state.
-        has_failed: whether the estimator could not deal with the frame at all.
-        leaves_scale_open: whether nothing has fixed the scale yet.
-        start_covariance_6x6: of the pose since the start, None if that is not known.
-    """
-
-    reference: Keyframe
-    is_keyframe: bool
-    mre_px: float
-    innovation_ratio: float
-    depth_m: float | None = None
-    is_refused: bool = False
-    has_failed: bool = False
-    leaves_scale_open: bool = False
-    start_covariance_6x6: Array | None = None
-
-
-class TrackingStrategy(StrategyBase, Generic[_E]):
+class TrackingStrategy(StrategyBase):
     """A strategy with a front end; a class for each estimator gives the rest."""
+
+    _estimator: Estimator | None
 
     def __init__(self, context: StrategyContext) -> None:
         super().__init__(context)
@@ -117,34 +89,32 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         self._front = FrontEnd(scaled(calibration, divisor), config)
         self._B_T_C = calibration.B_T_C
         self.heights = Heights(config.agl_sigma_m)
-        self._start_over()
+        self._reset(None)
 
     def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:
         """Note a height of the body above the ground, from any thread."""
         self.heights.add(t_ns, height_m, sigma_m)
 
     @abc.abstractmethod
-    def _make_estimator(self, state: WindowFilter) -> _E:
+    def _make_estimator(self, state: WindowFilter) -> Estimator:
         """Return an estimator that begins with a state."""
 
     @abc.abstractmethod
-    def _update(self, estimator: _E, seen: Seen) -> Outcome:
-        """Give a frame to the estimator, which has moved on to it."""
+    def _update(self, seen: Seen) -> Result:
+        """Give a frame to the estimator, which has moved on to it; return what ``_answer`` returns."""
 
-    def _start_over(self) -> None:
+    def _reset(self, start: WarmStartPose | None) -> None:
         self._front.forget()
         self._stillness = Stillness(self._front.focal_px)
         self._imu_period = ImuPeriod()
         self._ground = Ground(self.context.config, 0.0)
-        self._estimator: _E | None = None
+        self._estimator = None
         self._keyframe: Keyframe | None = None
         self._number = 0  # of the last frame whose pose the estimator may have
-
-    def _warm_start(self, pose: WarmStartPose) -> None:
-        self._start_over()
-        world_T_body = pose.body_T_world.inverse()
-        cov = default_cov(*TOLD_SIGMAS, world_T_body.R) if pose.covariance is None else pose.covariance
-        self._begin(world_T_body, world_T_body.R.dot(pose.velocity_b), pose.bias, cov)
+        if start is not None:
+            world_T_body = start.body_T_world.inverse()
+            cov = default_cov(*TOLD_SIGMAS, world_T_body.R) if start.covariance is None else start.covariance
+            self._begin(world_T_body, world_T_body.R.dot(start.velocity_b), start.bias, cov)
 
     def _begin_at_rest(self) -> None:
         start = state_at_rest(self._stillness)
@@ -162,7 +132,7 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         cov = invariant_cov(cov, R, here, velocity_w)
         self._estimator = self._make_estimator(WindowFilter(config.imu_noise, R, here, velocity_w, bias, cov))
 
-    def _process(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
+    def _process(self, frame: NavCameraFrame, imu_window: ImuWindow) -> Result:
         with self.stage("grey"):
             image = self._images.make(frame.pixels)
         fault = self._imu_period.fault(imu_window)
@@ -180,10 +150,7 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         state = self._estimator.state
         if self._ground.is_rough and math.sqrt(state.cov[5, 5]) > 0.5 * _UNKNOWN_HEIGHT_M:  # hills are not that high
             self.heights.use(state, imu_window.end_t_ns, self._ground.z_m)
-        seen = Seen(frame, imu_window, sighting, fault, begins)
-        with self.stage("filter"):
-            outcome = self._update(self._estimator, seen)
-        return self._answer(state, seen, outcome)
+        return self._update(Seen(frame, imu_window, sighting, fault, begins))
 
     def _ground_below(self, state: WindowFilter, t_ns: int) -> Plane | Below | None:
         """Return what is known about the ground."""
@@ -234,58 +201,84 @@ class TrackingStrategy(StrategyBase, Generic[_E]):
         after = estimator.state.pose @ self._B_T_C
         return after.R.T.dot(before.R), self._ground.expected_map(before, after)
 
-    def _answer(self, state: WindowFilter, seen: Seen, outcome: Outcome) -> VioOutput:
+    def _answer(
+        self,
+        seen: Seen,
+        state: WindowFilter,
+        reference: Keyframe,
+        *,
+        is_keyframe: bool,
+        mre_px: float,
+        innovation_ratio: float,
+        depth_m: float | None,
+        is_refused: bool,
+        has_failed: bool = False,
+        leaves_scale_open: bool,
+        start_covariance_6x6: Array | None,
+    ) -> Result:
+        """Return the result of a frame.
+
+        Args:
+            state: the estimator's, after the frame.
+            reference: the keyframe that the pose refers to; its pose is in the state.
+            is_keyframe: whether the frame is the keyframe of those after it.
+            mre_px: mean reprojection error of the last points that were used, outliers left out.
+            innovation_ratio: running mean of their normalised innovation squared per degree of freedom.
+            depth_m: of the scene; None for a frame that did not measure how the body has moved.
+            is_refused: whether nothing that was measured agreed with the state.
+            has_failed: whether the estimator could not deal with the frame at all.
+            leaves_scale_open: whether nothing has fixed the scale yet.
+            start_covariance_6x6: of the pose since the start, None if that is not known.
+        """
         if not state.is_finite():
             return self._conclude(FrameFacts(0, 0.0, 0.0, bias_norm=math.nan, is_finite=False), None)
-        relative, spread = state.relative_to(outcome.reference.number)
+        sighting = seen.sighting
+        relative, spread = state.relative_to(reference.number)
         cov = sound_covariance(spread + _LEAST_COV)
-        age_s = (seen.window.end_t_ns - outcome.reference.t_ns) * 1e-9
+        age_s = (seen.window.end_t_ns - reference.t_ns) * 1e-9
         growth = None
-        if outcome.depth_m is not None and age_s > 0:
-            growth = Growth(float(spread[3:, 3:].trace()), age_s, outcome.depth_m)
+        if depth_m is not None and age_s > 0:
+            growth = Growth(float(spread[3:, 3:].trace()), age_s, depth_m)
         facts = FrameFacts(
-            seen.sighting.inliers,
-            seen.sighting.coverage,
-            outcome.mre_px,
+            sighting.inliers,
+            sighting.coverage,
+            mre_px,
             growth=growth,
-            innovation_ratio=outcome.innovation_ratio,
+            innovation_ratio=innovation_ratio,
             bias_norm=state.bias.norm(),
             imu_fault=seen.imu_fault,
-            has_model=seen.sighting.model is not None,
-            innovation_refused=outcome.is_refused,
-            is_finite=cov is not None and not outcome.has_failed,
+            has_model=sighting.model is not None,
+            innovation_refused=is_refused,
+            is_finite=cov is not None and not has_failed,
             position_sigma_m=sigma_of(state.cov[POS, POS][:2, :2]),
             velocity_sigma_m_s=sigma_of(state.cov[VEL, VEL]),
-            scale_unobserved=outcome.leaves_scale_open,
+            scale_unobserved=leaves_scale_open,
             initialised=seen.begins,
         )
         if cov is None:
             return self._conclude(facts, None)
-        return self._conclude(facts, self._output(state, relative, cov, seen, outcome))
-
-    def _output(self, state: WindowFilter, relative: SE3, cov: Array, seen: Seen, outcome: Outcome) -> VioOutput:
-        sighting, since = seen.sighting, outcome.start_covariance_6x6
         quality = FeatureQuality(
             sighting.tracked,
             sighting.lost,
             sighting.new,
             sighting.inliers,
             sighting.disparity_px,
-            outcome.mre_px,
+            mre_px,
             sighting.coverage,
         )
-        return VioOutput(
+        output = VioOutput(
             frame_id=seen.frame.frame_id,
             relative_pose_T=relative,
             pose_covariance_6x6=cov,
             imu_bias=state.bias,
             feature_quality=quality,
-            keyframe_id=outcome.reference.frame_id,
-            is_keyframe=outcome.is_keyframe,
+            keyframe_id=reference.frame_id,
+            is_keyframe=is_keyframe,
             velocity_b=state.R.T.dot(state.v),
             world_T_body=SE3(state.pose.R, state.p + self._origin),
-            start_covariance_6x6=None if since is None else since + _LEAST_COV,
+            start_covariance_6x6=None if start_covariance_6x6 is None else start_covariance_6x6 + _LEAST_COV,
         )
+        return self._conclude(facts, output)
 
 
 def _limit_threads(count: int) -> None:

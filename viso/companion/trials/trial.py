@@ -13,8 +13,9 @@ from typing import Final, Protocol
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.registry import build_vio_strategy
+from viso.companion.vio.result import Result
 from viso.companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, SensorEvent, WarmStartPose
-from viso.companion.vio.worker import Listener, VioUpdate, VioWorker
+from viso.companion.vio.worker import Listener, VioWorker
 
 _LOGGER: Final = logging.getLogger(__name__)
 
@@ -37,8 +38,8 @@ def run_through(
     clock_ns: Callable[[], int] | None = None,
     logger: logging.Logger = _LOGGER,
     listeners: Iterable[Listener] = (),
-) -> Iterator[VioUpdate]:
-    """Run the strategy that a configuration names over all data of a source; yield what it makes of each frame.
+) -> Iterator[Result]:
+    """Run the strategy that a configuration names over all data of a source; yield the result of each frame.
 
     Without a warm start at the first frame it waits for stillness. The clock is what the strategy and the times of its
     stages see; None for the time of the newest data. Raises ValueError if there is no such strategy, and
@@ -47,9 +48,8 @@ def run_through(
     newest_ns = 0
     clock_ns = clock_ns or (lambda: newest_ns)
     buffer = ImuBuffer(wait=lambda *_: None)  # what there will be is there
-    calibration = source.calibration
-    strategy = build_vio_strategy(config, calibration, clock_ns, logger)
-    worker = VioWorker(strategy, config, calibration, buffer, clock_ns=clock_ns, logger=logger, listeners=listeners)
+    strategy = build_vio_strategy(config, source.calibration, clock_ns, logger)
+    worker = VioWorker(strategy, buffer, listeners)
     if warm_start is not None:
         worker.request_warm_start(warm_start)
     with contextlib.closing(strategy):
@@ -59,5 +59,5 @@ def run_through(
                 buffer.add(event)
             elif not isinstance(event, NavCameraFrame):
                 strategy.add_height(event.t_ns, event.height_m, event.sigma_m)
-            elif (update := worker.process_one(event)) is not None:
-                yield update
+            elif (result := worker.process(event)) is not None:
+                yield result

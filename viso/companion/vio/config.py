@@ -191,7 +191,7 @@ class EngineConfig(_Section):
     """The section ``vio.engine``: how an engine, such as ``okvis2``, is run, and how far it is believed.
 
     Attributes:
-        command: starts the engine's program, as in a shell; empty for an engine that is a module of Python.
+        command: starts the engine's program, as in a shell; empty for none.
         start_timeout_s: how long the program may take to start.
         frame_timeout_s: how long the program may take for a frame before viso restarts it.
         mask: file of a picture that is 0 where the camera's pictures must not be used; for programs that take one.

@@ -1,36 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a strategy and its factory raise."""
-
-from viso.companion.vio.types import VioOutput
+"""The errors of visual-inertial odometry; what becomes of a frame is no error, but a result."""
 
 
 class VioError(Exception):
     """The base of all errors of visual-inertial odometry."""
 
 
-class VioInitializingError(VioError):
-    """There is no state yet, and so no output: nothing may go to the autopilot."""
-
-
-class VioDegradedError(VioError):
-    """A frame's output is to be used with less weight.
-
-    Attributes:
-        output: the output, its covariance already inflated.
-        reason: why, as in the health.
-    """
-
-    def __init__(self, reason: str, output: VioOutput) -> None:
-        super().__init__(reason)
-        self.reason = reason
-        self.output = output
-
-
 class VioFatalError(VioError):
-    """There is no output and there will be none before a warm start; or the strategy was misused."""
+    """A strategy cannot go on before a reset, or its caller misused it.
 
-    output: None = None
+    A strategy may raise it while it works on a frame, whose result is then ``Lost``.
+    """
 
 
 class StrategyNotAvailableError(VioError):

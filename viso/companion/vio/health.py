@@ -125,6 +125,11 @@ class HealthMachine:
         return self._health.state
 
     @property
+    def is_warm(self) -> bool:
+        """Whether the state to begin from was given."""
+        return self._warm
+
+    @property
     def resets(self) -> int:
         """How often INIT was left after the first time: each is a jump for whoever follows the pose."""
         return max(self._times_left_init - 1, 0)

@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterable
 from typing import Self
 
 from viso.companion.vio.config import VioConfig
+from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.ingest import JOIN_S, CameraIngest, DropOldestQueue, FrameSource
 from viso.companion.vio.json_log import log_event
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.types import CameraCalibration
-from viso.companion.vio.worker import ImuWindows, Listener, VioWorker
+from viso.companion.vio.worker import Listener, VioWorker
 
 
 class VioRuntime:
@@ -21,7 +22,7 @@ class VioRuntime:
 
     Args:
         source: of the frames; closed by ``stop``.
-        listeners: called, in the worker's thread, with each update.
+        listeners: called, in the worker's thread, with each result.
 
     Raises:
         ValueError: if there is no such strategy.
@@ -33,7 +34,7 @@ class VioRuntime:
         config: VioConfig,
         calibration: CameraCalibration,
         source: FrameSource,
-        imu: ImuWindows,
+        imu: ImuBuffer,
         *,
         clock_ns: Callable[[], int],
         logger: logging.Logger,
@@ -43,16 +44,7 @@ class VioRuntime:
         self._logger = logger
         self._queue = DropOldestQueue(config.queue.depth)
         self._ingest = CameraIngest(source, self._queue, logger)
-        self.worker = VioWorker(
-            strategy,
-            config,
-            calibration,
-            imu,
-            clock_ns=clock_ns,
-            logger=logger,
-            listeners=listeners,
-            queue=self._queue,
-        )
+        self.worker = VioWorker(strategy, imu, listeners, self._queue)
         self._started = False
         told = {"config": config.effective(), "digest": config.digest()}
         log_event(logger, logging.INFO, "configuration", "effective configuration", told, strategy=config.strategy)

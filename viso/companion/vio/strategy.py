@@ -1,10 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a strategy is, and what all of them share: one caller at a time, checks, health, errors, log.
-
-A strategy derives from :class:`StrategyBase` and implements three methods. ``_process`` ends with
-``return self._conclude(facts, output)``, which feeds the health machine and returns or raises as the state says.
-"""
+"""The base of all strategies: one caller at a time, checks, health, log, and the result of each frame."""
 
 import abc
 import contextlib
@@ -13,43 +9,28 @@ import logging
 import threading
 import uuid
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, TypeVar
 
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.errors import VioDegradedError, VioError, VioFatalError, VioInitializingError
+from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts, HealthMachine
 from viso.companion.vio.json_log import log_event
+from viso.companion.vio.result import Degraded, Initializing, Lost, Result, Tracking
 from viso.companion.vio.types import (
     CameraCalibration,
     ImuBias,
     ImuWindow,
     NavCameraFrame,
-    VioHealth,
     VioOutput,
     VioState,
     WarmStartPose,
 )
 from viso.geometry.se3 import SE3
 
+_R = TypeVar("_R", bound=Result)
+
 _DEGRADED_PERIOD_NS: Final = 1_000_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class FrameReport:
-    """What there is to say about the last frame besides its output and the health.
-
-    Attributes:
-        innovation_ratio: running mean of the inliers' normalised innovation squared per degree of freedom.
-        resets: how often the pose has jumped to another origin since the start.
-        stage_ms: how long each stage took.
-        counters: of what else has happened since the start, such as restarts of an engine.
-    """
-
-    innovation_ratio: float = 1.0
-    resets: int = 0
-    stage_ms: Mapping[str, float] = field(default_factory=dict)
-    counters: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +96,10 @@ class StrategyLog:
         }
         self._event(logging.WARNING, "vio_degraded", f"VIO degraded: {reason}", fields, output.frame_id)
 
+    def fatal(self, reason: str, error: Exception) -> None:
+        """Log what ended in LOST."""
+        log_event(self._logger, logging.ERROR, "vio_fatal", reason, strategy=self._strategy, error=error)
+
     def frame(self, output: VioOutput, stage_ms: Mapping[str, float]) -> None:
         """Log a frame, for debugging."""
         if not self._logger.isEnabledFor(logging.DEBUG):
@@ -125,9 +110,10 @@ class StrategyLog:
 
 
 class StrategyBase(abc.ABC):
-    """A strategy without its estimator: it turns frames and inertial data into relative poses.
+    """A strategy turns frames and inertial data into poses relative to keyframes.
 
-    It is synchronous, in memory, one instance per flight.
+    It works in memory and without waiting; there is one instance per flight. A class implements ``_process``, which
+    returns what ``_conclude`` returns, and ``_reset``.
 
     Args:
         context: what it is built from.
@@ -135,7 +121,7 @@ class StrategyBase(abc.ABC):
     Attributes:
         name: in the registry; given by each class.
         context: what it was built from.
-        health: fed by ``_conclude``.
+        health: INIT, TRACKING, DEGRADED or LOST, from what ``_conclude`` gets; its snapshot is for any thread.
     """
 
     name: str
@@ -145,55 +131,51 @@ class StrategyBase(abc.ABC):
         self.health = HealthMachine(context.config, self._on_transition)
         self._log = StrategyLog(self.name, context.logger, context.clock_ns)
         self._busy = threading.Lock()
-        self._t_ns = 0
+        self._ids: tuple[uuid.UUID, int]  # of the frame that is worked on; the frame itself is large, and not kept
+        self._t_ns = 0  # of that frame, in the IMU's time
         self._innovation_ratio = 1.0
         self._stage_ms: dict[str, float] = {}
 
-    def process_frame(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
-        """Return the pose of the body when the frame was taken.
+    def process(self, frame: NavCameraFrame, imu_window: ImuWindow) -> Result:
+        """Return the pose of the body when the frame was taken, or why there is none.
 
         Args:
             frame: a picture of the calibrated camera.
-            imu_window: the inertial data since the frame processed before.
-            calibration: of the camera.
+            imu_window: the inertial data since the frame processed before; it ends at the frame's stamp.
 
         Raises:
-            VioInitializingError: there is no state yet.
-            VioDegradedError: the output that it carries is to be used with less weight.
-            VioFatalError: there is no output; or another call is under way.
+            VioFatalError: if another call is under way.
         """
         with self._alone():
-            self._t_ns, self._stage_ms = frame.capture_timestamp, {}
-            with self._fatal_is_lost():
-                self._check(frame, calibration)
-                if self.health.state is VioState.LOST:
-                    if not self.health.auto_reinit(self._t_ns):
-                        raise VioFatalError(f"VIO LOST: {self.health.snapshot().reason}")
-                    self._start_over()
-                return self._process(frame, imu_window, calibration)
+            self._ids, self._t_ns, self._stage_ms = (frame.frame_id, frame.sequence), imu_window.end_t_ns, {}
+            with self.stage("total"):
+                try:
+                    self._check(frame)
+                    if self.health.state is VioState.LOST:
+                        if not self.health.auto_reinit(self._t_ns):
+                            return self._made(Lost)
+                        self._reset(None)
+                    return self._process(frame, imu_window)
+                except Exception as error:  # also a library's, about a state or a picture that it cannot deal with
+                    self._fail(error)
+                    return self._made(Lost)
 
-    def reset_to_warm_start(self, pose: WarmStartPose) -> None:
+    def reset(self, start: WarmStartPose) -> None:
         """Forget all and start from a given state.
 
         Raises VioFatalError if the state is not finite or its rotation none; or another call is under way.
         """
         with self._alone():
             try:
-                checked = _checked(pose)
+                checked = _checked(start)
             except (ValueError, TypeError, AttributeError) as error:
                 raise VioFatalError(f"bad warm start: {error}") from error
-            with self._fatal_is_lost():
-                self._warm_start(checked)
+            try:
+                self._reset(checked)
+            except Exception as error:
+                raise VioFatalError(self._fail(error)) from error
             self.health.warm_start()
             self._log.warm_start_applied(checked)
-
-    def health_snapshot(self) -> VioHealth:
-        """Return the health; from any thread, without waiting."""
-        return self.health.snapshot()
-
-    def frame_report(self) -> FrameReport:
-        """Return what there is to say about the last frame; for the thread that calls ``process_frame``."""
-        return FrameReport(self._innovation_ratio, self.health.resets, dict(self._stage_ms))
 
     def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:  # noqa: B027  # none has to take it
         """Note a height of the body above the ground, from any thread; not every strategy makes use of it.
@@ -205,22 +187,19 @@ class StrategyBase(abc.ABC):
         """
 
     def close(self) -> None:  # noqa: B027  # few have something to close
-        """Let go of all that the system gave; nothing is processed after that."""
+        """Release all system resources; nothing is processed after that."""
 
     @abc.abstractmethod
-    def _process(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
-        """Work on a frame that has passed the checks, and return what ``_conclude`` returns.
-
-        Raises VioError, as ``process_frame``; any other exception ends in LOST.
-        """
+    def _process(self, frame: NavCameraFrame, imu_window: ImuWindow) -> Result:
+        """Work on a frame that has passed the checks; return what ``_conclude`` returns. Any exception ends in LOST."""
 
     @abc.abstractmethod
-    def _warm_start(self, pose: WarmStartPose) -> None:
-        """Forget all and take a state that has passed the checks."""
+    def _reset(self, start: WarmStartPose | None) -> None:
+        """Forget all; take a state that has passed the checks, or wait for stillness, as when new (None)."""
 
-    @abc.abstractmethod
-    def _start_over(self) -> None:
-        """Forget all and wait for stillness, as when new."""
+    def counters(self) -> Mapping[str, int]:
+        """Return how often what else has happened since the start, for the results."""
+        return {}
 
     @contextlib.contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -232,30 +211,28 @@ class StrategyBase(abc.ABC):
             ms = (self.context.clock_ns() - begin_ns) * 1e-6
             self._stage_ms[name] = self._stage_ms.get(name, 0.0) + ms
 
-    def _conclude(self, facts: FrameFacts, output: VioOutput | None) -> VioOutput:
-        """Judge a frame; return its output or raise, as the health then says.
+    def _conclude(self, facts: FrameFacts, output: VioOutput | None) -> Result:
+        """Judge a frame; return its result, as the health then is.
 
         Args:
             facts: what was found out about the frame.
-            output: what is said about it, not inflated; None while there is no state. After that, None means that the
-                state is not finite.
+            output: what the estimator says about it, not inflated; None while there is no state. After that, None
+                means that the state is not finite.
 
         Raises:
-            VioInitializingError: in INIT.
-            VioDegradedError: in DEGRADED, with the covariance inflated.
-            VioFatalError: in LOST.
+            VioFatalError: if the state is not finite.
         """
         if output is None and self.health.state is not VioState.INIT:
             raise VioFatalError("state not finite")
         state, reason = self.health.feed(facts, self._t_ns)
         self._innovation_ratio = facts.innovation_ratio
         if state is VioState.INIT:
-            raise VioInitializingError(reason)
+            return self._initializing()
         if output is None:
             raise VioFatalError("state not finite as soon as there was one")
         self._log.frame(output, self._stage_ms)
         if state is VioState.LOST:
-            raise VioFatalError(f"VIO LOST: {reason}")
+            return self._made(Lost)
         if state is VioState.DEGRADED:
             factor, since = self.context.config.degraded_inflation, output.start_covariance_6x6
             self._log.degraded(output, reason)
@@ -264,37 +241,50 @@ class StrategyBase(abc.ABC):
                 pose_covariance_6x6=factor * output.pose_covariance_6x6,
                 start_covariance_6x6=None if since is None else factor * since,
             )
-            raise VioDegradedError(reason, inflated)
-        return output
+            return self._made(Degraded, output=inflated)
+        return self._made(Tracking, output=output)
+
+    def _initializing(self, reason: str | None = None) -> Initializing:
+        """Return the result of a frame without a state; None for the health's reason."""
+        result = self._made(Initializing, is_warm=self.health.is_warm)
+        return result if reason is None else dataclasses.replace(result, reason=reason)
+
+    def _made(self, kind: Callable[..., _R], **more: object) -> _R:
+        (frame_id, sequence), health = self._ids, self.health.snapshot()
+        return kind(
+            frame_id=frame_id,
+            sequence=sequence,
+            t_ns=self._t_ns,
+            reason=health.reason,
+            consecutive_lost=health.consecutive_lost,
+            bias_norm=health.bias_norm,
+            innovation_ratio=self._innovation_ratio,
+            resets=self.health.resets,
+            stage_ms=self._stage_ms,
+            counters=self.counters(),
+            **more,
+        )
 
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
         if not self._busy.acquire(blocking=False):
-            raise VioFatalError("concurrent process_frame")
+            raise VioFatalError("concurrent use of a strategy")
         try:
             yield
         finally:
             self._busy.release()
 
-    @contextlib.contextmanager
-    def _fatal_is_lost(self) -> Iterator[None]:
-        try:
-            yield
-        except VioFatalError as error:
-            self.health.fail(str(error), self._t_ns)
-            raise
-        except VioError:
-            raise
-        except Exception as error:  # a library's, about a state or a picture that it cannot deal with
-            reason = f"{type(error).__name__}: {error}"
-            self.health.fail(reason, self._t_ns)
-            raise VioFatalError(reason) from error
+    def _fail(self, error: Exception) -> str:
+        """Go to LOST because of an exception; return the reason."""
+        reason = str(error) if isinstance(error, VioFatalError) else f"{type(error).__name__}: {error}"
+        self.health.fail(reason, self._t_ns)
+        self._log.fatal(reason, error)
+        return reason
 
-    def _check(self, frame: NavCameraFrame, calibration: CameraCalibration) -> None:
-        own = self.context.calibration.camera_id
-        for what, camera_id in (("frame", frame.camera_id), ("calibration", calibration.camera_id)):
-            if camera_id != own:
-                raise VioFatalError(f"{what} of camera {camera_id!r}, strategy for {own!r}")
+    def _check(self, frame: NavCameraFrame) -> None:
+        calibration = self.context.calibration
+        if frame.camera_id != calibration.camera_id:
+            raise VioFatalError(f"frame of camera {frame.camera_id!r}, strategy for {calibration.camera_id!r}")
         height, width = frame.pixels.shape[:2]
         if (width, height) != (calibration.width, calibration.height):
             size = f"{calibration.width}x{calibration.height}"
@@ -305,6 +295,6 @@ class StrategyBase(abc.ABC):
 
 
 def _checked(pose: WarmStartPose) -> WarmStartPose:
-    # Made again: whoever got around the constructors does not get around this.
+    # Made again: a pose that was changed after it was made is checked like any other.
     motion, bias = pose.body_T_world, pose.bias
     return WarmStartPose(SE3(motion.R, motion.t), pose.velocity_b, ImuBias(bias.accel, bias.gyro), pose.covariance)

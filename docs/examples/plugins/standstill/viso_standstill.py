@@ -6,12 +6,12 @@ import numpy as np
 
 from viso.companion import (
     SE3,
-    CameraCalibration,
     FeatureQuality,
     FrameFacts,
     ImuBias,
     ImuWindow,
     NavCameraFrame,
+    Result,
     StrategyBase,
     StrategyEntry,
     VioOutput,
@@ -27,7 +27,7 @@ class Standstill(StrategyBase):
 
     name = "standstill"
 
-    def _process(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
+    def _process(self, frame: NavCameraFrame, imu_window: ImuWindow) -> Result:
         output = VioOutput(
             frame.frame_id,
             STILL,
@@ -41,11 +41,8 @@ class Standstill(StrategyBase):
         )
         return self._conclude(FrameFacts(inliers=100, coverage=1.0, mre_px=0.0, initialised=True), output)
 
-    def _warm_start(self, pose: WarmStartPose) -> None:
-        """Stay: there is no state."""
-
-    def _start_over(self) -> None:
-        """Stay: there is no state."""
+    def _reset(self, start: WarmStartPose | None) -> None:
+        """Do nothing: there is no state."""
 
 
-STANDSTILL = StrategyEntry(None, Standstill, "believes that the vehicle never moves")
+STANDSTILL = StrategyEntry(Standstill, "believes that the vehicle never moves")

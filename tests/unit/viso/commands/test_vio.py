@@ -89,7 +89,7 @@ def test_frames_may_be_fewer_and_the_end_early(film: Viso) -> None:
 
 def test_configuration_and_strategy_are_the_user_s(film: Viso) -> None:
     Path("vio.toml").write_text('[vio]\nstrategy = "okvis2"\n')
-    line = "strategy okvis2 is not available: flag BUILD_OKVIS2 is off"
+    line = "strategy okvis2 is not available: vio.engine.command, or --engine, has to name its program"
     assert failed_with(film("--config", "vio.toml"), line)
     assert json.loads(film("--config", "vio.toml", "--strategy", "klt_ransac", "--json").out)["frames"] == 12
 

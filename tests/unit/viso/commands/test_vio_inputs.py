@@ -45,7 +45,7 @@ def test_bad_configuration_is_told(tmp_path: Path) -> None:
 
 
 def test_strategy_may_be_named() -> None:
-    with pytest.raises(InputError, match="strategy vins_mono is not available: flag BUILD_VINS_MONO is off"):
+    with pytest.raises(InputError, match="strategy vins_mono is not available: vio"):
         configured(RECORDING, None, "vins_mono")
 
 

@@ -142,15 +142,14 @@ def test_autopilot_goes_on_while_an_engine_is_started_anew() -> None:
     loop, strategy = demo.loop, demo.loop.companion.worker.strategy
     assert isinstance(strategy, EngineStrategy)
     loop.run_until(12_000_000)
-    assert strategy._program is not None
-    assert strategy._program.session is not None
-    os.kill(strategy._program.session.child.pid, signal.SIGKILL)
+    assert strategy.session is not None
+    os.kill(strategy.session.pid, signal.SIGKILL)
     loop.run_until(15_000_000)
     loop.close()
     (begun,) = (span for span in loop.watch.aiding() if span.mode is AidingMode.ABSOLUTE)
     assert begun.end_us >= 15_000_000
-    assert strategy.health_snapshot().state in (VioState.TRACKING, VioState.DEGRADED)
-    assert strategy.frame_report().counters["restarts"] == 1
+    assert strategy.health.state in (VioState.TRACKING, VioState.DEGRADED)
+    assert strategy.counters()["restarts"] == 1
 
 
 def test_seed_is_that_of_both_ends() -> None:

@@ -14,15 +14,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_LONG, HEARTBEAT, ODOMETRY, RAW_IMU, STATUSTEXT, TIMESYNC, Message
+from tests.unit.viso.companion.vio.strategy_rig import make_result
 from viso.companion.odometry.clock_sync import ClockSync
 from viso.companion.odometry.inbound import FcInbound, stream_requests
 from viso.companion.odometry.sender import OdometrySender
 from viso.companion.odometry.source import OdometrySource
 from viso.companion.vio.config import AglSource, OdometryConfig, VioConfig
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.strategy import FrameReport
-from viso.companion.vio.types import ImuSample, VioHealth, VioState
-from viso.companion.vio.worker import VioUpdate
+from viso.companion.vio.types import ImuSample, VioState
 from viso.geometry.se3 import SE3, so3_exp
 
 AtRest = Callable[[int], ImuSample]
@@ -245,10 +244,7 @@ class Flight:
     def _frame(self, t_ms: int, state: VioState) -> None:
         step = self.strategy.world_T_body.inverse() @ self.truth(t_ms)
         output = self.strategy.move(step, velocity_b=(self.SPEED_M_S, 0.0, 0.0))
-        usable = state in (VioState.TRACKING, VioState.DEGRADED)
-        health = VioHealth(state, 0, 0.0, "")
-        update = VioUpdate(output.frame_id, 0, t_ms * MS, output if usable else None, health, FrameReport(), 0)
-        self.source.take_update(update)
+        self.source.take_result(make_result(state, output, frame_id=output.frame_id, t_ns=t_ms * MS))
 
     def odometry(self) -> list[tuple[int, ODOMETRY]]:
         return [(t, f.message) for t, f in self.rig.frames if isinstance(f.message, ODOMETRY)]

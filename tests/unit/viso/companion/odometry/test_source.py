@@ -11,12 +11,10 @@ import pytest
 
 from mav_handlers.covariance import pose_errors
 from mav_handlers.wire.messages import ODOMETRY
+from tests.unit.viso.companion.vio.strategy_rig import make_result
 from viso.companion.odometry.source import OdometrySource
 from viso.companion.vio.config import CovarianceEncoding, LocalAlignment, LostPolicy, OdometryConfig, VioConfig
-from viso.companion.vio.health import WAITING, WARM_START
-from viso.companion.vio.strategy import FrameReport
-from viso.companion.vio.types import ImuSample, VioHealth, VioOutput, VioState, frame_uuid
-from viso.companion.vio.worker import VioUpdate
+from viso.companion.vio.types import ImuSample, VioOutput, VioState
 from viso.geometry.se3 import SE3, so3_exp
 
 Make = Callable[..., Any]
@@ -42,12 +40,13 @@ class Rig:
         self.now_ms += ms
 
     def say(
-        self, state: VioState, output: VioOutput | None = None, reason: str = "", innovation_ratio: float = 1.0
+        self, state: VioState, output: VioOutput | None = None, is_warm: bool = False, innovation_ratio: float = 1.0
     ) -> None:
         """Go on to the next frame and hand over what the strategy makes of it."""
         self.wait(FRAME_MS)
-        health, report = VioHealth(state, 0, 0.0, reason), FrameReport(innovation_ratio)
-        self.source.take_update(VioUpdate(frame_uuid(0, 0, 0), 0, self.now_ms * MS, output, health, report, 0))
+        self.source.take_result(
+            make_result(state, output, is_warm=is_warm, t_ns=self.now_ms * MS, innovation_ratio=innovation_ratio)
+        )
 
     def track(self, *steps_m: float) -> None:
         """Move ahead by steps, tracking; one frame that stands still if there are none."""
@@ -174,7 +173,7 @@ def test_starting_again_counts_once_and_goes_on_where_it_was(rig: Rig) -> None:
     rig.track(0.0, 0.4)
     rig.say(VioState.LOST)
     for _ in range(3):
-        rig.say(VioState.INIT, reason=WAITING)
+        rig.say(VioState.INIT)
     rig.strategy.restart(SE3.identity())
     rig.track(0.0, 0.3)
     message = rig.sent()
@@ -184,7 +183,7 @@ def test_starting_again_counts_once_and_goes_on_where_it_was(rig: Rig) -> None:
 
 def test_warm_start_in_flight_counts_once_and_takes_its_place_in_the_world(rig: Rig) -> None:
     rig.track(0.0, 0.4)
-    rig.say(VioState.INIT, reason=WARM_START)
+    rig.say(VioState.INIT, is_warm=True)
     rig.strategy.restart(SE3(np.eye(3), np.array([30.0, 0.0, 0.0])))
     rig.track()
     message = rig.sent()
@@ -194,12 +193,12 @@ def test_warm_start_in_flight_counts_once_and_takes_its_place_in_the_world(rig: 
     assert rig.sent().reset_counter == 1
 
 
-@pytest.mark.parametrize("reason", [WAITING, WARM_START])
-def test_starting_again_keeps_the_uncertainty_that_had_grown(rig: Rig, reason: str) -> None:
+@pytest.mark.parametrize("is_warm", [False, True])
+def test_starting_again_keeps_the_uncertainty_that_had_grown(rig: Rig, is_warm: bool) -> None:
     rig.track()
     rig.wait(2000)
     grown = rig.sent().pose_covariance[0]
-    rig.say(VioState.INIT, reason=reason)
+    rig.say(VioState.INIT, is_warm=is_warm)
     rig.strategy.restart(SE3.identity())
     rig.track()
     assert rig.sent().pose_covariance[0] > grown > 0.03

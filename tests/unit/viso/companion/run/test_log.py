@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from tests.unit.viso.vio_updates import SECOND_NS, Flight, flown
+from tests.unit.viso.vio_results import SECOND_NS, Flight, flown
 from viso.companion.run.log import VioLog, tum_lines
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.config import AglSource, VioConfig
@@ -23,8 +23,8 @@ def test_poses_are_those_of_the_outputs() -> None:
 def test_shift_is_taken_off_the_stamps() -> None:
     log = VioLog(VioConfig())
     log.shift_ns = 5
-    for update in Flight().init().updates:
-        log.take(update)
+    for result in Flight().init().results:
+        log.take(result)
     assert log.frames[0].t_ns == -5
 
 

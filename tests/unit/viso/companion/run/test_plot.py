@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tests.unit.viso.vio_updates import SECOND_NS, Flight, flown
+from tests.unit.viso.vio_results import SECOND_NS, Flight, flown
 from viso.companion.run.log import VioLog
 from viso.companion.run.plot import save_plot
 from viso.companion.trials.evaluation import TimedPoses

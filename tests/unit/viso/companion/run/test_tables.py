@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from tests.unit.viso.vio_updates import SECOND_NS, Flight, flown
+from tests.unit.viso.vio_results import SECOND_NS, Flight, flown
 from viso.companion.run.log import VioLog
 from viso.companion.run.tables import STYLES, live_table, summary_table
 from viso.companion.trials.evaluation import TimedPoses
@@ -36,8 +36,8 @@ def test_live_table_has_no_figures_without_an_output() -> None:
 def test_live_table_shows_how_an_engine_fares() -> None:
     frame = flown(Flight().init().fly(2)).last
     assert frame is not None
-    report = dataclasses.replace(frame.update.report, counters={"restarts": 1, "late_answers": 2, "hangs": 0})
-    frame = dataclasses.replace(frame, update=dataclasses.replace(frame.update, report=report))
+    result = dataclasses.replace(frame.result, counters={"restarts": 1, "late_answers": 2, "hangs": 0})
+    frame = dataclasses.replace(frame, result=result)
     assert "1 restarts, 2 late" in drawn(live_table(frame))
 
 

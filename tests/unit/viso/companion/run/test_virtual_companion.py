@@ -18,8 +18,8 @@ from tests.unit.viso.demo.hops import make_setup
 from viso.companion.odometry.clock_sync import ClockSync
 from viso.companion.run.virtual_companion import AutopilotState, VirtualCompanion
 from viso.companion.vio.frames import yaw_of_heading
+from viso.companion.vio.result import Result
 from viso.companion.vio.types import NavCameraFrame, VioState
-from viso.companion.vio.worker import VioUpdate
 from viso.geometry.se3 import yaw_of
 
 ORIGIN_W = np.array([5.0, -3.0, 0.25])
@@ -84,11 +84,11 @@ class Lonely:
     def __init__(self) -> None:
         self.setup = make_setup(9.0)
         self.wire, companion_wire = make_pair()
-        self.updates: list[VioUpdate] = []
+        self.results: list[Result] = []
         logger = logging.Logger("test")
         logger.addHandler(logging.NullHandler())
         self.companion = VirtualCompanion(
-            self.setup.flight, self.setup.config, companion_wire, logger, [self.updates.append]
+            self.setup.flight, self.setup.config, companion_wire, logger, [self.results.append]
         )
         self._autopilot = Codec(1, 1)
         self.sent: list[Any] = []
@@ -127,7 +127,7 @@ def test_companion_asks_for_what_it_wants_to_know_once() -> None:
 @pytest.mark.slow
 def test_odometry_begins_with_the_second_frame_and_its_latency() -> None:
     lonely = Lonely().run(900)
-    assert [update.health.state for update in lonely.updates] == [VioState.INIT, VioState.INIT, VioState.TRACKING]
+    assert [result.state for result in lonely.results] == [VioState.INIT, VioState.INIT, VioState.TRACKING]
     kinds = Counter(type(message).__name__ for message in lonely.sent)
     assert kinds["ODOMETRY"] == 5  # from 0.7 s on, 20 per second
 
@@ -135,7 +135,7 @@ def test_odometry_begins_with_the_second_frame_and_its_latency() -> None:
 @pytest.mark.slow
 def test_without_an_autopilot_nothing_begins() -> None:
     lonely = Lonely().run(1300, says_attitude=False)
-    assert lonely.companion.worker.health().state is VioState.INIT
+    assert lonely.results == []
     assert "ODOMETRY" not in {type(message).__name__ for message in lonely.sent}
 
 
@@ -145,7 +145,7 @@ def test_frames_are_altered_before_anybody_sees_them() -> None:
     lonely.companion.alter_frame = rename_camera
     start_us = lonely.setup.flight.start_ns // 1000
     lonely.companion.run(start_us + 1_000_000)
-    assert lonely.companion.worker.health().state is VioState.LOST
+    assert lonely.results[-1].state is VioState.LOST
 
 
 def rename_camera(frame: NavCameraFrame) -> NavCameraFrame:
@@ -156,7 +156,7 @@ def rename_camera(frame: NavCameraFrame) -> NavCameraFrame:
 @pytest.mark.slow
 def test_same_time_twice_changes_nothing() -> None:
     lonely = Lonely().run(900)
-    before = len(lonely.updates)
+    before = len(lonely.results)
     lonely.companion.run(lonely.setup.flight.start_ns // 1000 + 900_000)
-    assert len(lonely.updates) == before
+    assert len(lonely.results) == before
     assert messages(lonely.wire) == []

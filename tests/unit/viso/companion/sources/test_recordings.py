@@ -57,7 +57,7 @@ def test_video_can_be_played_again(video: SourceOptions) -> None:
 def test_odometry_starts_on_a_video_of_standing_still(video: SourceOptions) -> None:
     recording = open_video(video)
     trial = run_trial(recording, recording.config)
-    assert trial.frames[-1].update.health.state is not VioState.INIT
+    assert trial.frames[-1].result.state is not VioState.INIT
     assert np.linalg.norm(trial.estimate().positions_xyz[-1]) < 1e-2
 
 
@@ -124,7 +124,7 @@ def test_karma_is_tracked_at_3_frames_a_second_and_never_lost() -> None:
     recording = open_gopro(SourceOptions(str(FLIGHT), fps=10 / 3))
     assert recording.config.max_features == 200
     trial = run_trial(recording, recording.config, recording.start)
-    tracked = [frame.update.output.feature_quality.tracked for frame in trial.frames if frame.update.output]
+    tracked = [frame.result.output.feature_quality.tracked for frame in trial.frames if frame.result.output]
     assert np.median(tracked) >= 150
     assert VioState.LOST not in trial.states()
     assert len(trial.frames) == 41

@@ -13,8 +13,8 @@ import numpy as np
 
 from viso.companion.strategies.klt_ransac import KltRansac
 from viso.companion.vio.config import AglSource, Scene, VioConfig
-from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
 from viso.companion.vio.imu_buffer import ImuBuffer
+from viso.companion.vio.result import Lost, Result
 from viso.companion.vio.strategy import StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -90,7 +90,8 @@ class Aboard:
         strategy: it.
         outputs: of each frame, None where there was none.
         healths: after each frame.
-        fatal: the texts of the fatal errors.
+        result: of the last frame.
+        fatal: the reasons of the frames in LOST.
     """
 
     def __init__(self, recorded: Recorded, warm_start: WarmStartPose | None = None, **config: Any) -> None:
@@ -99,9 +100,10 @@ class Aboard:
         )
         self.strategy = KltRansac(context)
         if warm_start is not None:
-            self.strategy.reset_to_warm_start(warm_start)
+            self.strategy.reset(warm_start)
         self.outputs: list[VioOutput | None] = []
         self.healths: list[VioHealth] = []
+        self.result: Result
         self.fatal: list[str] = []
         self._recorded = recorded
         self._events = recorded.events()
@@ -127,22 +129,16 @@ class Aboard:
         t_ns = frame.capture_timestamp + self._offset_ns
         window = self._buffer.window(t_ns if self._last_ns is None else self._last_ns, t_ns)
         self._last_ns = t_ns
-        output: VioOutput | None = None
-        try:
-            output = self.strategy.process_frame(frame, window, self._recorded.calibration)
-        except VioDegradedError as error:
-            output = error.output
-        except VioInitializingError:
-            pass
-        except VioFatalError as error:
-            self.fatal.append(str(error))
-        self.outputs.append(output)
-        self.healths.append(self.strategy.health_snapshot())
+        self.result = self.strategy.process(frame, window)
+        if isinstance(self.result, Lost):
+            self.fatal.append(self.result.reason)
+        self.outputs.append(self.result.output)
+        self.healths.append(self.strategy.health.snapshot())
 
     def start_again(self) -> None:
         """Warm start the strategy with the state at its next frame, for which that is then the first one."""
         assert self._last_ns is not None
-        self.strategy.reset_to_warm_start(self._recorded.warm_start(self._last_ns + PERIOD_NS))
+        self.strategy.reset(self._recorded.warm_start(self._last_ns + PERIOD_NS))
         self._last_ns = None
 
     def error_m(self) -> float:

@@ -55,11 +55,11 @@ def plain_flight() -> Trial:
 
 
 def states(trial: Trial) -> list[VioState]:
-    return [frame.update.health.state for frame in trial.frames]
+    return [frame.result.state for frame in trial.frames]
 
 
 def positions(trial: Trial) -> list[list[float]]:
-    return [frame.update.output.world_T_body.t.tolist() for frame in trial.frames if frame.update.output is not None]
+    return [frame.result.output.world_T_body.t.tolist() for frame in trial.frames if frame.result.output is not None]
 
 
 def test_ground_below_is_tracked() -> None:
@@ -72,7 +72,7 @@ def test_place_is_known_to_two_percent_of_a_short_path() -> None:
 
 def test_velocity_gets_better_than_at_the_start() -> None:
     flight = SyntheticFlight(texture=ground())
-    outputs = [(frame.update.t_ns, frame.update.output) for frame in plain_flight().frames]
+    outputs = [(frame.result.t_ns, frame.result.output) for frame in plain_flight().frames]
     speeds = [(t_ns, one.world_T_body.R.dot(one.velocity_b)) for t_ns, one in outputs if one is not None]
     errors = np.array([np.linalg.norm(velocity_w - flight.truth_velocity_w(t_ns)) for t_ns, velocity_w in speeds])
     assert errors[-5:].max() < 0.5 * errors[0]
@@ -83,7 +83,7 @@ def test_relative_poses_are_as_uncertain_as_they_say() -> None:
 
 
 def test_innovations_are_about_as_expected() -> None:
-    assert 0.2 < plain_flight().frames[-1].update.report.innovation_ratio < 2
+    assert 0.2 < plain_flight().frames[-1].result.innovation_ratio < 2
 
 
 @pytest.mark.slow
@@ -95,21 +95,21 @@ def test_same_flight_same_poses() -> None:
 @pytest.mark.slow
 def test_frames_between_nodes_have_outputs_too() -> None:
     trial = fly(2.0, frame_rate_hz=15.0)
-    outputs = [frame.update.output for frame in trial.frames]
+    outputs = [frame.result.output for frame in trial.frames]
     assert all(output is not None for output in outputs[2:])
-    keyframes_ns = [frame.update.t_ns for frame in trial.frames if is_keyframe(frame)]
+    keyframes_ns = [frame.result.t_ns for frame in trial.frames if is_keyframe(frame)]
     assert min(np.diff(keyframes_ns)) >= MIN_NODE_INTERVAL_NS
     assert np.linalg.norm(trial.position_errors(), axis=1).max() < 0.5
 
 
 def is_keyframe(frame: TrialFrame) -> bool:
-    return frame.update.output is not None and frame.update.output.is_keyframe
+    return frame.result.output is not None and frame.result.output.is_keyframe
 
 
 @pytest.mark.slow
 def test_too_few_landmarks_are_not_tracking() -> None:
     trial = fly(1.5, config={"scene": "general"}, frame_rate_hz=10.0)  # landmarks want three nodes, outputs two frames
-    healths = [frame.update.health for frame in trial.frames]
+    healths = [frame.result for frame in trial.frames]
     assert (healths[2].state, healths[2].reason) == (VioState.DEGRADED, SCALE_UNOBSERVED)
     assert healths[-1].state is VioState.TRACKING
 
@@ -117,8 +117,8 @@ def test_too_few_landmarks_are_not_tracking() -> None:
 @pytest.mark.slow
 def test_covered_lens_is_survived() -> None:
     trial = fly(5.5, covered_s=((2.5, 3.4),))
-    covered = [frame for frame in trial.frames if 2.5 < frame.update.t_ns * 1e-9 < 3.4]
-    assert [frame.update.health.consecutive_lost for frame in covered] == [1, 2, 3]
+    covered = [frame for frame in trial.frames if 2.5 < frame.result.t_ns * 1e-9 < 3.4]
+    assert [frame.result.consecutive_lost for frame in covered] == [1, 2, 3]
     assert states(trial)[-1] is VioState.TRACKING
     assert np.linalg.norm(trial.position_errors()[-1]) < 1.0
 
@@ -140,9 +140,9 @@ def test_unsolvable_frame_is_a_lost_one_and_the_next_a_keyframe(monkeypatch: pyt
     monkeypatch.setattr(LagSmoother, "solve", failing(range(8, 9)))
     trial = fly(4.5, config={"scene": "general"})
     before, lost, after = trial.frames[7:10]
-    assert before.update.health.state is VioState.TRACKING
-    assert (lost.update.health.reason, lost.update.health.consecutive_lost) == (NON_FINITE, 1)
-    assert after.update.health.consecutive_lost == 0
+    assert before.result.state is VioState.TRACKING
+    assert (lost.result.reason, lost.result.consecutive_lost) == (NON_FINITE, 1)
+    assert after.result.consecutive_lost == 0
     assert (is_keyframe(lost), is_keyframe(after)) == (False, True)
     assert states(trial)[-1] is VioState.TRACKING
     assert np.linalg.norm(trial.position_errors(), axis=1).max() < 1.0
@@ -153,7 +153,7 @@ def test_smoother_that_always_fails_leaves_inertial_data(monkeypatch: pytest.Mon
     monkeypatch.setattr(LagSmoother, "solve", failing(range(5, 10_000)))
     trial = fly(3.0, config={"scene": "general", "lost_frames_fatal": 4})
     assert states(trial)[-1] is VioState.LOST
-    assert trial.frames[-1].update.output is None
+    assert trial.frames[-1].result.output is None
 
 
 class GappyFlight(SyntheticFlight):

@@ -30,6 +30,7 @@ from viso.companion.trials.evaluation import EvaluationError
 from viso.companion.vio.config import AglSource, VioConfig
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.result import Result
 from viso.companion.vio.strategy import StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -41,7 +42,6 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
-from viso.companion.vio.worker import VioUpdate
 from viso.geometry.se3 import SE3, Array
 
 FRAMES = 10
@@ -154,9 +154,9 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
 
 def test_each_frame_is_there_with_its_truth(rig: Rig) -> None:
     result = rig.run()
-    assert [frame.update.sequence for frame in result.frames] == list(range(10, 10 + FRAMES))
+    assert [frame.result.sequence for frame in result.frames] == list(range(10, 10 + FRAMES))
     truths = [frame.truth.t.tolist() for frame in result.frames if frame.truth is not None]
-    assert truths == [place(frame.update.t_ns).t.tolist() for frame in result.frames]
+    assert truths == [place(frame.result.t_ns).t.tolist() for frame in result.frames]
 
 
 def test_windows_reach_from_frame_to_frame(rig: Rig) -> None:
@@ -187,7 +187,7 @@ def test_stages_are_measured_by_the_clock_that_is_given(rig: Rig) -> None:
 
     rig.make_script = lambda: step
     result = rig.run(clock_ns=clock)
-    assert {frame.update.report.stage_ms["total"] for frame in result.frames} == {7.0}
+    assert {frame.result.stage_ms["total"] for frame in result.frames} == {7.0}
 
 
 def test_warm_start_comes_before_the_first_frame(rig: Rig) -> None:
@@ -214,10 +214,10 @@ def test_heights_do_no_harm_to_a_strategy_that_does_not_take_them(rig: Rig) -> N
     assert len(rig.run(Line(heights=(HeightMeasurement(5, 40.0, 0.3),))).frames) == FRAMES
 
 
-def test_listeners_get_each_update(rig: Rig) -> None:
-    updates: list[VioUpdate] = []
-    result = rig.run(listeners=[updates.append])
-    assert updates == [frame.update for frame in result.frames]
+def test_listeners_get_each_result(rig: Rig) -> None:
+    results: list[Result] = []
+    result = rig.run(listeners=[results.append])
+    assert results == [frame.result for frame in result.frames]
 
 
 def test_same_data_give_the_same_trial(rig: Rig) -> None:
@@ -233,7 +233,7 @@ def test_frames_before_the_first_output_have_none(rig: Rig) -> None:
 
     rig.make_script = lambda: step
     result = rig.run()
-    assert [frame.update.output is None for frame in result.frames] == [True] * 3 + [False] * (FRAMES - 3)
+    assert [frame.result.output is None for frame in result.frames] == [True] * 3 + [False] * (FRAMES - 3)
     assert result.states() == {VioState.INIT: 3, VioState.TRACKING: FRAMES - 3}
     assert result.frames[0].local is None
     assert len(result.estimate()) == FRAMES - 3

@@ -3,13 +3,15 @@
 """What tests of strategies and of what runs them have in common: a camera, frames, inertial data, a strategy of wax."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.result import Degraded, Initializing, Lost, Result, Tracking
 from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -21,6 +23,7 @@ from viso.companion.vio.types import (
     NavCameraFrame,
     Pixels,
     VioOutput,
+    VioState,
     WarmStartPose,
     frame_uuid,
 )
@@ -86,6 +89,28 @@ def make_output(frame: NavCameraFrame, **changed: Any) -> VioOutput:
     return VioOutput(**(fields | changed))
 
 
+def make_result(
+    state: VioState = VioState.TRACKING, output: VioOutput | None = None, *, is_warm: bool = False, **fields: Any
+) -> Result:
+    """Return the result that leaves a strategy in a state."""
+    fields.setdefault("frame_id", frame_uuid(0, 0, 0))
+    fields.setdefault("sequence", 0)
+    fields.setdefault("t_ns", 0)
+    fields.setdefault("reason", "")
+    if state is VioState.INIT:
+        return Initializing(is_warm=is_warm, **fields)
+    if output is None or state is VioState.LOST:
+        return Lost(**fields)
+    return Degraded(output=output, **fields) if state is VioState.DEGRADED else Tracking(output=output, **fields)
+
+
+def output_of(result: Result | None) -> VioOutput:
+    """Return the output that a result has."""
+    assert result is not None
+    assert result.output is not None
+    return result.output
+
+
 def make_warm_start() -> WarmStartPose:
     return WarmStartPose(SE3.exp(np.array([0.0, 0.0, 0.3, 1.0, 2.0, 3.0])), np.array([1.0, 0.0, 0.0]), ImuBias.zero())
 
@@ -130,7 +155,7 @@ class WaxStrategy(StrategyBase):
     Attributes:
         step: returns facts and output of a frame, or raises.
         seen: the frames' numbers and windows.
-        calls: of the two other methods.
+        calls: what it was reset to.
     """
 
     name = "wax"
@@ -144,36 +169,33 @@ class WaxStrategy(StrategyBase):
         self.seen: list[tuple[int, ImuWindow]] = []
         self.calls: list[object] = []
 
-    def _process(self, frame: NavCameraFrame, imu_window: ImuWindow, calibration: CameraCalibration) -> VioOutput:
+    def _process(self, frame: NavCameraFrame, imu_window: ImuWindow) -> Result:
         self.seen.append((frame.sequence, imu_window))
         with self.stage("step"):
             facts, output = self.step(frame)
         return self._conclude(facts, output)
 
-    def _warm_start(self, pose: WarmStartPose) -> None:
-        self.calls.append(pose)
-
-    def _start_over(self) -> None:
-        self.calls.append("start over")
+    def _reset(self, start: WarmStartPose | None) -> None:
+        self.calls.append(start)
 
     def finds(self, facts: FrameFacts) -> None:
         """Let all frames from now on be of this kind."""
         self.step = lambda frame: (facts, make_output(frame))
 
-    def run(self, sequence: int) -> VioOutput:
+    def run(self, sequence: int) -> Result:
         """Process the frame of a number, standing still."""
         frame = make_frame(sequence)
         window = still_window(frame.capture_timestamp - PERIOD_NS, frame.capture_timestamp)
-        return self.process_frame(frame, window, self.context.calibration)
+        return self.process(frame, window)
 
 
 class WaxRig:
     """A strategy of wax in its context."""
 
-    def __init__(self, **config: Any) -> None:
+    def __init__(self, camera: Mapping[str, Any] = MappingProxyType({}), **config: Any) -> None:
         self.logger, self.log = make_logger()
         self.clock = Ticks()
         self.config = VioConfig(**config)
-        self.calibration = make_calibration()
+        self.calibration = make_calibration(**camera)
         self.context = StrategyContext(self.config, self.calibration, self.clock, self.logger)
         self.strategy = WaxStrategy(self.context)

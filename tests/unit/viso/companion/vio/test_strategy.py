@@ -4,7 +4,7 @@
 
 import logging
 from dataclasses import replace
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -18,15 +18,15 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     EventHandler,
     Ticks,
     WaxRig,
-    make_calibration,
     make_frame,
     make_logger,
     make_output,
     make_warm_start,
     still_window,
 )
-from viso.companion.vio.errors import VioDegradedError, VioFatalError, VioInitializingError
+from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.result import Degraded, Initializing, Lost, Tracking
 from viso.companion.vio.strategy import StrategyLog
 from viso.companion.vio.types import NavCameraFrame, VioOutput, VioState
 
@@ -34,141 +34,145 @@ SIZES = [(47, 64), (48, 65), (64, 48)]
 
 
 def state_of(rig: WaxRig) -> VioState:
-    return rig.strategy.health_snapshot().state
+    return rig.strategy.health.snapshot().state
 
 
-def lost(**config: float) -> WaxRig:
+def lost(**config: Any) -> WaxRig:
     rig = WaxRig(lost_frames_fatal=1, **config)
     rig.strategy.run(0)
     rig.strategy.finds(LOST)
-    with pytest.raises(VioFatalError):
-        rig.strategy.run(1)
+    assert isinstance(rig.strategy.run(1), Lost)
     rig.strategy.finds(INITIAL)
     return rig
 
 
 def test_tracking_returns_the_output() -> None:
     rig = WaxRig()
-    output = rig.strategy.run(0)
-    assert np.array_equal(output.pose_covariance_6x6, make_output(make_frame(0)).pose_covariance_6x6)
+    result = rig.strategy.run(0)
+    assert isinstance(result, Tracking)
+    assert np.array_equal(result.output.pose_covariance_6x6, make_output(make_frame(0)).pose_covariance_6x6)
 
 
-def test_init_raises_initializing() -> None:
+def test_init_is_initializing() -> None:
     rig = WaxRig()
     rig.strategy.step = lambda frame: (GOOD, None)
-    with pytest.raises(VioInitializingError, match="waiting for stillness or a warm start"):
-        rig.strategy.run(0)
+    result = rig.strategy.run(0)
+    assert isinstance(result, Initializing)
+    assert (result.reason, result.is_warm) == ("waiting for stillness or a warm start", False)
+
+
+def test_init_after_a_warm_start_is_warm() -> None:
+    rig = WaxRig()
+    rig.strategy.reset(make_warm_start())
+    result = rig.strategy.run(0)
+    assert isinstance(result, Tracking)
+    rig.strategy.reset(make_warm_start())
+    rig.strategy.finds(GOOD)
+    result = rig.strategy.run(1)
+    assert isinstance(result, Initializing)
+    assert result.is_warm
 
 
 def test_degraded_carries_the_inflated_output() -> None:
     rig = WaxRig(degraded_inflation=4.0)
     rig.strategy.run(0)
     rig.strategy.finds(FEW)
-    with pytest.raises(VioDegradedError, match="few_inliers") as caught:
-        rig.strategy.run(1)
+    result = rig.strategy.run(1)
+    assert isinstance(result, Degraded)
+    assert result.reason == "few_inliers"
     expected = 4.0 * make_output(make_frame(1)).pose_covariance_6x6
-    assert np.array_equal(caught.value.output.pose_covariance_6x6, expected)
+    assert np.array_equal(result.output.pose_covariance_6x6, expected)
 
 
 def test_lost_frame_before_the_limit_is_degraded() -> None:
     rig = WaxRig()
     rig.strategy.run(0)
     rig.strategy.finds(LOST)
-    with pytest.raises(VioDegradedError):
-        rig.strategy.run(1)
-    assert rig.strategy.health_snapshot().consecutive_lost == 1
+    result = rig.strategy.run(1)
+    assert isinstance(result, Degraded)
+    assert result.consecutive_lost == 1
 
 
-def test_lost_raises_fatal_until_a_warm_start() -> None:
+def test_lost_stays_lost_until_a_warm_start() -> None:
     rig = lost()
     for sequence in (2, 3):
-        with pytest.raises(VioFatalError, match="VIO LOST: too_few_inliers"):
-            rig.strategy.run(sequence)
-    rig.strategy.reset_to_warm_start(make_warm_start())
+        result = rig.strategy.run(sequence)
+        assert isinstance(result, Lost)
+        assert result.reason == "too_few_inliers"
+    rig.strategy.reset(make_warm_start())
     assert state_of(rig) is VioState.INIT
 
 
 def test_lost_strategy_does_not_see_frames() -> None:
     rig = lost()
-    with pytest.raises(VioFatalError):
-        rig.strategy.run(2)
+    rig.strategy.run(2)
     assert [sequence for sequence, _ in rig.strategy.seen] == [0, 1]
 
 
 @pytest.mark.parametrize(("sequence", "starts_over"), [(10, False), (11, True)])
 def test_auto_reinit_starts_over_when_due(sequence: int, starts_over: bool) -> None:
     rig = lost(auto_reinit_s=1.0)
-    if starts_over:
-        rig.strategy.run(sequence)
-    else:
-        with pytest.raises(VioFatalError):
-            rig.strategy.run(sequence)
-    assert rig.strategy.calls == ["start over"] * starts_over
+    assert isinstance(rig.strategy.run(sequence), Tracking if starts_over else Lost)
+    assert rig.strategy.calls == [None] * starts_over
 
 
 def test_state_that_is_not_finite_is_lost_at_once() -> None:
     rig = WaxRig()
     rig.strategy.run(0)
     rig.strategy.step = lambda frame: (replace(GOOD, is_finite=False), None)
-    with pytest.raises(VioFatalError, match="state not finite"):
-        rig.strategy.run(1)
-    health = rig.strategy.health_snapshot()
+    assert rig.strategy.run(1).reason == "state not finite"
+    health = rig.strategy.health.snapshot()
     assert (health.state, health.consecutive_lost) == (VioState.LOST, 1)
 
 
 def test_first_state_that_is_not_finite_is_lost_at_once() -> None:
     rig = WaxRig()
     rig.strategy.step = lambda frame: (replace(INITIAL, is_finite=False), None)
-    with pytest.raises(VioFatalError, match="state not finite"):
-        rig.strategy.run(0)
+    assert rig.strategy.run(0).reason == "state not finite as soon as there was one"
     assert state_of(rig) is VioState.LOST
 
 
-def test_exception_of_a_library_is_fatal() -> None:
+def test_exception_of_a_library_ends_in_lost() -> None:
     def fail(frame: NavCameraFrame) -> NoReturn:
         raise np.linalg.LinAlgError("singular")
 
     rig = WaxRig()
     rig.strategy.step = fail
-    with pytest.raises(VioFatalError, match="LinAlgError: singular"):
-        rig.strategy.run(0)
-    assert state_of(rig) is VioState.LOST
+    result = rig.strategy.run(0)
+    assert isinstance(result, Lost)
+    assert result.reason == "LinAlgError: singular"
+    (record,) = rig.log.events("vio_fatal")
+    assert record.exc_info is not None
 
 
 def test_frame_of_another_camera_is_fatal() -> None:
     rig = WaxRig()
-    with pytest.raises(VioFatalError, match="frame of camera 'other', strategy for 'cam'"):
-        rig.strategy.process_frame(make_frame(1, camera_id="other"), still_window(0, PERIOD_NS), rig.calibration)
-    assert state_of(rig) is VioState.LOST
-
-
-def test_calibration_of_another_camera_is_fatal() -> None:
-    rig = WaxRig()
-    calibration = make_calibration(camera_id="other")
-    with pytest.raises(VioFatalError, match="calibration of camera 'other'"):
-        rig.strategy.process_frame(make_frame(1), still_window(0, PERIOD_NS), calibration)
+    result = rig.strategy.process(make_frame(1, camera_id="other"), still_window(0, PERIOD_NS))
+    assert isinstance(result, Lost)
+    assert result.reason == "frame of camera 'other', strategy for 'cam'"
 
 
 @pytest.mark.parametrize("size", SIZES)
 def test_frame_of_another_size_is_fatal(size: tuple[int, int]) -> None:
     rig = WaxRig()
     frame = make_frame(1, size=size)
-    with pytest.raises(VioFatalError, match=f"frame of {size[1]}x{size[0]} pixels, calibration of 64x48"):
-        rig.strategy.process_frame(frame, still_window(0, PERIOD_NS), rig.calibration)
+    result = rig.strategy.process(frame, still_window(0, PERIOD_NS))
+    assert isinstance(result, Lost)
+    assert result.reason == f"frame of {size[1]}x{size[0]} pixels, calibration of 64x48"
 
 
 def test_second_caller_is_refused_and_the_state_left_alone() -> None:
     rig = WaxRig()
     rig.strategy.run(0)
-    before = rig.strategy.health_snapshot()
+    before = rig.strategy.health.snapshot()
     seen: list[object] = []
 
     def call_again(frame: NavCameraFrame) -> tuple[FrameFacts, VioOutput]:
-        with pytest.raises(VioFatalError, match=r"^concurrent process_frame$"):
+        with pytest.raises(VioFatalError, match=r"^concurrent use of a strategy$"):
             rig.strategy.run(7)
-        with pytest.raises(VioFatalError, match=r"^concurrent process_frame$"):
-            rig.strategy.reset_to_warm_start(make_warm_start())
-        seen.append(rig.strategy.health_snapshot())
+        with pytest.raises(VioFatalError, match=r"^concurrent use of a strategy$"):
+            rig.strategy.reset(make_warm_start())
+        seen.append(rig.strategy.health.snapshot())
         return GOOD, make_output(frame)
 
     rig.strategy.step = call_again
@@ -180,13 +184,12 @@ def test_caller_after_a_failure_is_not_refused() -> None:
     rig = WaxRig()
     for sequence in range(2):
         rig.strategy.step = lambda frame: (GOOD, None)
-        with pytest.raises(VioInitializingError):
-            rig.strategy.run(sequence)
+        assert isinstance(rig.strategy.run(sequence), Initializing)
 
 
 def test_warm_start_reaches_the_strategy() -> None:
     rig = WaxRig()
-    rig.strategy.reset_to_warm_start(make_warm_start())
+    rig.strategy.reset(make_warm_start())
     assert len(rig.strategy.calls) == len(rig.log.events("warm_start_applied")) == 1
 
 
@@ -197,7 +200,7 @@ def test_bad_warm_start_is_refused_and_the_state_left_alone(field: str) -> None:
     pose = make_warm_start()
     object.__setattr__(pose, field, np.full(3, np.nan))
     with pytest.raises(VioFatalError, match="bad warm start"):
-        rig.strategy.reset_to_warm_start(pose)
+        rig.strategy.reset(pose)
     assert state_of(rig) is VioState.TRACKING
     assert rig.strategy.calls == []
 
@@ -207,7 +210,7 @@ def test_warm_start_that_is_no_rotation_is_refused() -> None:
     pose = make_warm_start()
     object.__setattr__(pose.body_T_world, "R", 1.1 * np.eye(3))
     with pytest.raises(VioFatalError, match="bad warm start: R: not orthonormal"):
-        rig.strategy.reset_to_warm_start(pose)
+        rig.strategy.reset(pose)
 
 
 def test_transition_is_logged_once() -> None:
@@ -218,22 +221,26 @@ def test_transition_is_logged_once() -> None:
     assert rig.log.fields("state_change") == [change]
 
 
-def test_report_has_ratio_resets_and_stages() -> None:
+def test_result_has_ratio_resets_and_stages() -> None:
     rig = WaxRig()
     rig.strategy.finds(replace(INITIAL, innovation_ratio=1.5))
     rig.strategy.run(0)
-    rig.strategy.reset_to_warm_start(make_warm_start())
-    rig.strategy.run(1)
-    report = rig.strategy.frame_report()
-    assert (report.innovation_ratio, report.resets, report.stage_ms) == (1.5, 1, {"step": 0.0})
+    rig.strategy.reset(make_warm_start())
+    result = rig.strategy.run(1)
+    assert (result.innovation_ratio, result.resets, result.stage_ms) == (1.5, 1, {"step": 0.0, "total": 0.0})
 
 
 def test_stages_of_one_name_add_up() -> None:
     rig = WaxRig()
-    for _ in range(2):
-        with rig.strategy.stage("x"):
-            rig.clock.now_ns += 3_000_000
-    assert rig.strategy.frame_report().stage_ms == {"x": pytest.approx(6.0)}
+
+    def step(frame: NavCameraFrame) -> tuple[FrameFacts, VioOutput]:
+        for _ in range(2):
+            with rig.strategy.stage("x"):
+                rig.clock.now_ns += 3_000_000
+        return INITIAL, make_output(frame)
+
+    rig.strategy.step = step
+    assert rig.strategy.run(0).stage_ms["x"] == pytest.approx(6.0)
 
 
 def test_frame_is_logged_with_its_stages() -> None:
@@ -247,8 +254,7 @@ def test_degraded_frames_are_logged_as_a_warning() -> None:
     rig = WaxRig()
     rig.strategy.run(0)
     rig.strategy.finds(FEW)
-    with pytest.raises(VioDegradedError):
-        rig.strategy.run(1)
+    rig.strategy.run(1)
     assert [record.levelno for record in rig.log.events("vio_degraded")] == [logging.WARNING]
 
 

@@ -15,25 +15,28 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     LOST,
     PERIOD_NS,
     WaxRig,
-    make_calibration,
     make_frame,
     make_output,
     make_warm_start,
+    output_of,
     still_window,
 )
 from viso.companion.vio import worker as worker_module
+from viso.companion.vio.imu_buffer import ImuBuffer
 from viso.companion.vio.ingest import DropOldestQueue
+from viso.companion.vio.result import Degraded, Initializing, Result, Tracking
 from viso.companion.vio.types import ImuWindow, NavCameraFrame, VioState
-from viso.companion.vio.worker import VioUpdate, VioWorker
+from viso.companion.vio.worker import VioWorker
 
 
-class Imu:
+class Imu(ImuBuffer):
     """Stands still, and remembers which windows it was asked for."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.asked: list[tuple[int, int]] = []
 
-    def window(self, t0_ns: int, t1_ns: int) -> ImuWindow:
+    def window(self, t0_ns: int, t1_ns: int, wait_s: float = 0.0) -> ImuWindow:
         self.asked.append((t0_ns, t1_ns))
         return still_window(t0_ns, t1_ns)
 
@@ -41,31 +44,22 @@ class Imu:
 class Rig(WaxRig):
     """A worker around a strategy of wax."""
 
-    def __init__(self, *listeners: Callable[[VioUpdate], None], time_offset_s: float = 0.0, **config: Any) -> None:
-        super().__init__(**config)
+    def __init__(self, *listeners: Callable[[Result], None], time_offset_s: float = 0.0, **config: Any) -> None:
+        super().__init__({"time_offset_s": time_offset_s}, **config)
         self.imu = Imu()
         self.queue = DropOldestQueue(3)
-        self.updates: list[VioUpdate] = []
-        self.worker = VioWorker(
-            self.strategy,
-            self.config,
-            make_calibration(time_offset_s=time_offset_s),
-            self.imu,
-            clock_ns=self.clock,
-            logger=self.logger,
-            listeners=[*listeners, self.updates.append],
-            queue=self.queue,
-        )
+        self.results: list[Result] = []
+        self.worker = VioWorker(self.strategy, self.imu, [*listeners, self.results.append], self.queue)
 
-    def run(self, *sequences: int) -> VioUpdate | None:
-        """Process the frames of some numbers; return the last one's update."""
-        update = None
+    def run(self, *sequences: int) -> Result | None:
+        """Process the frames of some numbers; return the last one's result."""
+        result = None
         for sequence in sequences:
-            update = self.worker.process_one(make_frame(sequence))
-        return update
+            result = self.worker.process(make_frame(sequence))
+        return result
 
     def states(self) -> list[VioState]:
-        return [update.health.state for update in self.updates]
+        return [result.state for result in self.results]
 
 
 def fail(*_: object) -> NoReturn:
@@ -81,19 +75,14 @@ def halted() -> Rig:
     return rig
 
 
-def test_health_before_any_frame() -> None:
-    assert Rig().worker.health().state is VioState.INIT
-
-
-def test_update_has_frame_output_and_health() -> None:
+def test_result_has_frame_output_and_state() -> None:
     rig = Rig()
     rig.run(4)
-    (update,) = rig.updates
+    (result,) = rig.results
     frame = make_frame(4)
-    assert (update.frame_id, update.sequence, update.t_ns) == (frame.frame_id, 4, frame.capture_timestamp)
-    assert update.output is not None
-    assert update.output.frame_id == frame.frame_id
-    assert update.health.state is VioState.TRACKING
+    assert (result.frame_id, result.sequence, result.t_ns) == (frame.frame_id, 4, frame.capture_timestamp)
+    assert output_of(result).frame_id == frame.frame_id
+    assert isinstance(result, Tracking)
 
 
 def test_window_reaches_from_the_last_processed_frame() -> None:
@@ -106,28 +95,23 @@ def test_stamps_are_brought_to_the_imus_time() -> None:
     rig = Rig(time_offset_s=-0.002)
     rig.run(1, 2)
     assert rig.imu.asked[1] == (PERIOD_NS - 2_000_000, 2 * PERIOD_NS - 2_000_000)
-    assert rig.updates[1].t_ns == 2 * PERIOD_NS - 2_000_000
+    assert rig.results[1].t_ns == 2 * PERIOD_NS - 2_000_000
 
 
 def test_degraded_output_is_handed_on() -> None:
     rig = Rig()
     rig.run(1)
     rig.strategy.finds(FEW)
-    update = rig.run(2)
-    assert update is not None
-    assert update.health.state is VioState.DEGRADED
-    assert update.output is not None
+    assert isinstance(rig.run(2), Degraded)
 
 
 def test_initializing_has_no_output() -> None:
     rig = Rig()
     rig.strategy.step = lambda frame: (GOOD, None)
-    update = rig.run(1)
-    assert update is not None
-    assert (update.output, update.health.state) == (None, VioState.INIT)
+    assert isinstance(rig.run(1), Initializing)
 
 
-def test_report_has_the_stages_and_their_total() -> None:
+def test_result_has_the_stages_and_their_total() -> None:
     def slow(frame: NavCameraFrame) -> Any:
         rig.clock.now_ns += 4_000_000
         return INITIAL, make_output(frame)
@@ -135,9 +119,8 @@ def test_report_has_the_stages_and_their_total() -> None:
     rig = Rig()
     rig.strategy.step = slow
     rig.run(1)
-    (update,) = rig.updates
-    assert update.sequence == 1
-    assert update.report.stage_ms == {"step": pytest.approx(4.0), "total": pytest.approx(4.0)}
+    (result,) = rig.results
+    assert result.stage_ms == {"step": pytest.approx(4.0), "total": pytest.approx(4.0)}
 
 
 def test_drops_are_told() -> None:
@@ -145,13 +128,13 @@ def test_drops_are_told() -> None:
     for sequence in range(5):
         rig.queue.put(make_frame(sequence))
     rig.run(6)
-    assert rig.updates[0].dropped == 2
+    assert rig.results[0].dropped == 2
 
 
 def test_listener_that_raises_is_logged_and_keeps_nobody_from_listening() -> None:
     rig = Rig(fail)
     rig.run(1, 2)
-    assert len(rig.updates) == 2
+    assert len(rig.results) == 2
     assert rig.states() == [VioState.TRACKING] * 2
     assert [record.levelno for record in rig.log.events("listener_failed")] == [logging.ERROR] * 2
 
@@ -169,51 +152,46 @@ def test_frame_that_is_not_later_is_not_processed(sequence: int) -> None:
 def test_stamps_that_stay_behind_are_lost() -> None:
     rig = Rig(lost_frames_fatal=3)
     rig.run(100, 1, 2)
-    assert rig.worker.health().state is VioState.TRACKING
+    assert rig.states() == [VioState.TRACKING]
     rig.run(3, 4)
-    assert rig.worker.health().state is VioState.LOST
     assert rig.states() == [VioState.TRACKING, VioState.LOST]
-    assert rig.updates[1].output is None
+    assert rig.results[1].output is None
 
 
 def test_stamps_that_fall_behind_now_and_then_are_not_lost() -> None:
     rig = Rig(lost_frames_fatal=2)
     rig.run(10, 9, 11, 10, 12)
-    assert rig.worker.health().state is VioState.TRACKING
+    assert rig.states() == [VioState.TRACKING] * 3
 
 
 def test_warm_start_takes_the_stamps_as_they_now_are() -> None:
     rig = Rig(lost_frames_fatal=3)
     rig.run(100, 1, 2, 3)
     rig.worker.request_warm_start(make_warm_start())
-    assert rig.run(4) is not None
-    assert rig.worker.health().state is VioState.TRACKING
+    assert isinstance(rig.run(4), Tracking)
 
 
 class TestFatal:
-    """What comes after a VioFatalError."""
+    """What comes after a frame in LOST."""
 
     def test_it_is_told_once(self) -> None:
         rig = halted()
         rig.run(2, 3)
         assert rig.states() == [VioState.TRACKING, VioState.LOST]
-        assert rig.updates[1].output is None
-        assert len(rig.log.events("vio_fatal")) == 1
+        assert rig.results[1].output is None
+        assert len(rig.log.events("vio_lost")) == 1
 
     def test_frames_are_not_processed(self) -> None:
         rig = halted()
         assert rig.run(2, 3) is None
-        assert (len(rig.updates), len(rig.imu.asked)) == (2, 2)
-
-    def test_health_is_lost(self) -> None:
-        assert halted().worker.health().state is VioState.LOST
+        assert (len(rig.results), len(rig.imu.asked)) == (2, 2)
 
     def test_warm_start_goes_on_from_the_next_frame(self) -> None:
         rig = halted()
         rig.worker.request_warm_start(make_warm_start())
         rig.run(7)
         assert rig.imu.asked[-1] == (7 * PERIOD_NS, 7 * PERIOD_NS)
-        assert rig.worker.health().state is VioState.TRACKING
+        assert rig.states()[-1] is VioState.TRACKING
         assert len(rig.strategy.calls) == 1
 
     def test_last_warm_start_asked_for_counts(self) -> None:
@@ -230,7 +208,7 @@ class TestFatal:
         object.__setattr__(pose, "velocity_b", None)
         rig.worker.request_warm_start(pose)
         assert rig.run(7) is None
-        assert (rig.strategy.calls, rig.worker.health().state) == ([], VioState.LOST)
+        assert (rig.strategy.calls, rig.states()[-1]) == ([], VioState.LOST)
         assert len(rig.log.events("warm_start_refused")) == 1
 
     def test_auto_reinit_is_left_to_the_strategy(self) -> None:
@@ -245,7 +223,7 @@ class TestFatal:
     def test_another_camera_is_lost(self) -> None:
         rig = Rig()
         rig.run(0)
-        rig.worker.process_one(make_frame(1, camera_id="other"))
+        rig.worker.process(make_frame(1, camera_id="other"))
         assert rig.states() == [VioState.TRACKING, VioState.LOST]
         assert rig.run(2) is None
 
@@ -272,8 +250,8 @@ class TestThread:
         rig = Rig()
         rig.queue.close("camera failed: gone")
         rig.worker.run()
-        assert rig.worker.health().state is VioState.LOST
-        assert rig.updates == []
+        assert len(rig.log.events("vio_lost")) == 1
+        assert rig.results == []
 
     def test_failed_camera_is_lost(self) -> None:
         rig = Rig()
@@ -281,7 +259,7 @@ class TestThread:
         rig.queue.close("camera failed: gone")
         rig.worker.run()
         assert rig.states() == [VioState.TRACKING, VioState.LOST]
-        assert rig.worker.health().reason == "camera failed: gone"
+        assert rig.results[-1].reason == "camera failed: gone"
         (record,) = rig.log.events("vio_lost")
         assert record.getMessage() == "VIO LOST: camera failed: gone; strategy=wax"
 
@@ -292,16 +270,16 @@ class TestThread:
         for _ in range(3):
             assert rig.worker._take_one()
         assert rig.states() == [VioState.TRACKING, VioState.LOST]
-        assert rig.worker.health().reason == "no frame for 0 s"
+        assert rig.results[-1].reason == "no frame for 0 s"
         rig.run(2)
-        assert rig.worker.health().state is VioState.TRACKING
+        assert rig.states()[-1] is VioState.TRACKING
 
     def test_stop_does_not_drain_the_queue(self) -> None:
         rig = Rig()
         rig.queue.put(make_frame(1))
         rig.worker.stop()
         rig.worker.run()
-        assert rig.updates == []
+        assert rig.results == []
 
     def test_stop_ends_a_wait(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(worker_module, "STALL_S", 1000.0)
@@ -319,4 +297,4 @@ class TestThread:
         rig.worker.run()
         assert len(rig.log.events("worker_failed")) == 1
         assert rig.states() == [VioState.TRACKING, VioState.LOST]
-        assert rig.worker.health().reason == "RuntimeError: broken"
+        assert rig.results[-1].reason == "RuntimeError: broken"

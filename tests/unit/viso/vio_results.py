@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a worker could have told about a flight straight ahead, a metre and a second a frame."""
+"""The results of a flight straight ahead, a metre and a second a frame."""
 
 from typing import Self
 
 import numpy as np
 
+from tests.unit.viso.companion.vio.strategy_rig import make_result
 from viso.companion.run.log import VioLog
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.strategy import FrameReport
-from viso.companion.vio.types import FeatureQuality, ImuBias, VioHealth, VioOutput, VioState, frame_uuid
-from viso.companion.vio.worker import VioUpdate
+from viso.companion.vio.result import Result
+from viso.companion.vio.types import FeatureQuality, ImuBias, VioOutput, VioState, frame_uuid
 from viso.geometry.se3 import SE3
 
 SECOND_NS = 10**9
@@ -20,10 +20,10 @@ COVARIANCE = np.diag([1e-10] * 3 + [1e-2] * 3)
 
 
 class Flight:
-    """Collects updates; every frame is a keyframe."""
+    """Collects results; every frame is a keyframe."""
 
     def __init__(self) -> None:
-        self.updates: list[VioUpdate] = []
+        self.results: list[Result] = []
         self._pose = START
 
     def init(self) -> Self:
@@ -34,7 +34,7 @@ class Flight:
         """Add frames with an output."""
         for _ in range(count):
             self._pose = self._pose @ STEP
-            number = len(self.updates)
+            number = len(self.results)
             output = VioOutput(
                 frame_uuid(number, 0, 0),
                 STEP,
@@ -54,11 +54,19 @@ class Flight:
         return self._add(VioState.LOST, "too_few_inliers", None)
 
     def _add(self, state: VioState, reason: str, output: VioOutput | None) -> Self:
-        number = len(self.updates)
-        report = FrameReport(resets=1, stage_ms={"track": 15.0, "total": 20.0})
-        health = VioHealth(state, 0, 0.0, reason)
-        self.updates.append(
-            VioUpdate(frame_uuid(number, 0, 0), number, number * SECOND_NS, output, health, report, dropped=2)
+        number = len(self.results)
+        self.results.append(
+            make_result(
+                state,
+                output,
+                frame_id=frame_uuid(number, 0, 0),
+                sequence=number,
+                t_ns=number * SECOND_NS,
+                reason=reason,
+                resets=1,
+                stage_ms={"track": 15.0, "total": 20.0},
+                dropped=2,
+            )
         )
         return self
 
@@ -66,6 +74,6 @@ class Flight:
 def flown(flight: Flight, config: VioConfig | None = None) -> VioLog:
     """Return the log of a flight."""
     log = VioLog(config or VioConfig())
-    for update in flight.updates:
-        log.take(update)
+    for result in flight.results:
+        log.take(result)
     return log
