@@ -36,13 +36,12 @@ from mav_handlers.senders.sending import Sending
 from mav_handlers.signing import SigningState
 from mav_handlers.transfers.ftp import FtpReply, FtpServer
 from mav_handlers.verdicts import (
+    BAD_DATA_VERDICTS,
     NO_HANDLER,
     NOT_ACCEPTED,
     NOT_ADDRESSED,
     OWN_MESSAGE,
     UNKNOWN_MESSAGE,
-    bad_data_verdict,
-    signing_verdict,
 )
 from mav_handlers.wire.codec import BadData, Codec, Header, Received
 from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, PARAM_VALUE, Message
@@ -170,7 +169,7 @@ class MavEndpoint:
         message: Message | None
         if isinstance(received, BadData):
             header = message = None
-            verdict = signing_verdict(received.reason) or bad_data_verdict(received.reason)
+            verdict = BAD_DATA_VERDICTS[received.reason]
             channel.packets_dropped += 1
             name, amount = BAD_DATA_NAME, received.length
         else:

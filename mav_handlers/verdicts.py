@@ -7,6 +7,7 @@ from typing import Final
 
 from ap_core.verdict import Outcome, Rule, Verdict, dropped
 from ap_visualodom import verdicts as port
+from mav_handlers.wire.codec import Defect
 from mav_handlers.wire.signature import Refusal
 
 _SIGNATURE_CHECK: Final = "mavlink_helpers.h, mavlink_signature_check"
@@ -193,22 +194,14 @@ ALL_VERDICTS: Final = (
 )
 """Every verdict that a message can get."""
 
-_BY_REFUSAL: Final[Mapping[str, Verdict]] = {
+BAD_DATA_VERDICTS: Final[Mapping[Defect | Refusal, Verdict]] = {
+    Defect.PREFIX: BAD_PREFIX,
+    Defect.CRC: BAD_CRC,
+    Defect.FLAGS: BAD_FRAME,
     Refusal.UNSIGNED: UNSIGNED,
     Refusal.BAD_SIGNATURE: BAD_SIGNATURE,
     Refusal.REPLAYED: SIGNATURE_REPLAYED,
     Refusal.OLD_TIMESTAMP: SIGNATURE_OLD,
     Refusal.TOO_MANY_STREAMS: SIGNATURE_STREAMS,
 }
-
-
-def bad_data_verdict(reason: str) -> Verdict:
-    """Return the verdict on bytes that the parser refused, from the parser's own words."""
-    if "prefix" in reason:
-        return BAD_PREFIX
-    return BAD_CRC if "CRC" in reason else BAD_FRAME
-
-
-def signing_verdict(reason: str) -> Verdict | None:
-    """Return the verdict on a frame refused for its signature, from ``BadData.reason``; None for other reasons."""
-    return _BY_REFUSAL.get(reason)
+"""By the reason of BadData."""

@@ -67,8 +67,8 @@ def _fixed(*commands: Command) -> Callable[[Run], list[Command]]:
 
 
 def _docs(run: Run) -> list[Command]:
-    script = ROOT / "tools" / "make_docs.py"
-    return [[sys.executable, str(script), "--check"]] if script.exists() else []
+    scripts = (ROOT / "tools" / name for name in ("make_docs.py", "make_messages.py"))
+    return [[sys.executable, str(script), "--check"] for script in scripts if script.exists()]
 
 
 def _clients(run: Run) -> list[Command]:
@@ -112,7 +112,7 @@ STEPS = (
     Step("house", "circles of imports, gaps in the plans of rooms", _fixed(_module("tools.house"))),
     Step("traces", "registry hosts and machine paths", _fixed(_module("tools.check_traces"))),
     Step("prose", "plain English in pages and docstrings", _fixed(_module("tools.prose"))),
-    Step("docs", "the generated tables and pictures are current", _docs),
+    Step("docs", "generated tables, pictures and code are current", _docs),
     Step("clients", "the environment of the interop tests", _clients),
     Step("tests", "pytest, with everything also branch coverage", _tests),
     Step("pure", "the parity tests with the interpreted filter", _pure),

@@ -1,115 +1,154 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The one door to pymavlink's dialect: bytes to typed messages and back."""
+"""The one door to pymavlink's dialect: bytes to typed messages and back.
+
+pymavlink's parser cuts frames out of a stream of bytes, and its messages know how to become a frame. What stands in a
+frame is looked up in a map of our own: pymavlink's is a global of its module, and has no drafts.
+"""
 
 import struct
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
-from operator import itemgetter
+from enum import Enum
 from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mav_handlers.wire import messages
-from mav_handlers.wire.drafts import draft_messages
-from mav_handlers.wire.frames import Form, Header, Received, plain_frame
-from mav_handlers.wire.message_class import maker_of
 from mav_handlers.wire.messages import MESSAGES, Message
-from mav_handlers.wire.signature import SIGNATURE_BLOCK_BYTES, LinkSigning
+from mav_handlers.wire.signature import SIGNATURE_BLOCK_BYTES, LinkSigning, Refusal
 
+MARKER_V1: Final = 0xFE
+MARKER_V2: Final = 0xFD
 V2_HEADER_AND_CRC_BYTES: Final = 12
 _V1_HEADER_BYTES: Final = 6
+_V2_HEADER_BYTES: Final = 10
+_CRC_BYTES: Final = 2
+_SIGNED: Final = 1
 _COMPACT_ABOVE_BYTES: Final = 4096
 
 
-class BadData(NamedTuple):
-    """Bytes that are no frame, or a frame that failed its check."""
+class Header(NamedTuple):
+    """Who sent a frame, and the frame itself."""
 
-    reason: str
+    name: str
+    message_id: int
+    system_id: int
+    component_id: int
+    sequence: int
+    version: int
+    frame: bytes
+
+
+class Received(NamedTuple):
+    """A whole frame; ``message`` is None when its type is not one of ours."""
+
+    header: Header
+    message: Message | None
+
+
+class Defect(Enum):
+    """What is wrong with bytes that are no frame."""
+
+    PREFIX = "no frame begins with the first byte"
+    FLAGS = "the frame has flags that nobody knows"
+    CRC = "the frame's checksum does not match"
+
+
+class BadData(NamedTuple):
+    """Bytes that are no frame, or a frame that was refused for its signature; ``length`` is their number."""
+
+    reason: Defect | Refusal
     length: int
 
 
 @dataclass(frozen=True, slots=True)
+class _Draft:
+    """A message in the terms of pymavlink's classes; fields are in the order of the wire."""
+
+    id: int
+    msgname: str
+    crc_extra: int
+    ordered_fieldnames: tuple[str, ...]
+    native_format: bytes
+    array_lengths: tuple[int, ...]
+    unpacker: struct.Struct
+
+
+# The firmware's dialect has these messages. pymavlink has them in its dialect of drafts alone, which is as large as the
+# firmware's and as slow to import. Source: common.xml.
+DRAFTS: Final = (
+    _Draft(
+        435,
+        "AVAILABLE_MODES",
+        134,
+        ("custom_mode", "properties", "number_modes", "mode_index", "standard_mode", "mode_name"),
+        b"<IIBBBc",
+        (0, 0, 0, 0, 0, 35),
+        struct.Struct("<IIBBB35s"),
+    ),
+    _Draft(437, "AVAILABLE_MODES_MONITOR", 30, ("seq",), b"<B", (0,), struct.Struct("<B")),
+)
+
+_DEFINITIONS: Final[Mapping[int, Any]] = {**dialect.mavlink_map, **{draft.id: draft for draft in DRAFTS}}
+_ID_OF_NAME: Final[Mapping[str, int]] = {known.msgname: msg_id for msg_id, known in _DEFINITIONS.items()}
+
+
 class _Layout:
-    cls: type[Message]
-    dialect_class: Any
-    names: tuple[str, ...]
-    arrays: frozenset[str]
-    texts: frozenset[str]
-    full_length: int
-    version_1_length: int
+    """How one of our messages becomes a payload, and a payload the message.
+
+    Attributes:
+        definition: of the message, as pymavlink has it.
+        full_length: of the payload in bytes, before MAVLink 2 leaves zeros at its end out.
+        version_1_length: of the payload in MAVLink 1, which knows no extension fields.
+    """
+
+    def __init__(self, cls: type[Message]) -> None:
+        self.definition = _DEFINITIONS[_ID_OF_NAME[cls.__name__]]
+        self._cls = cls
+        self._wire_names = tuple(self.definition.ordered_fieldnames)
+        self._texts: set[str] = set()
+        self._arrays: set[str] = set()
+        extensions = {field.name for field in fields(cls) if field.default is not MISSING}
+        place, places, left_out = 0, dict[str, int | slice](), 0
+        codes = self.definition.native_format[1:].decode()
+        for name, code, length in zip(self._wire_names, codes, self.definition.array_lengths, strict=True):
+            if name in extensions:
+                left_out += struct.calcsize(code) * max(1, length)
+            if code == "c":
+                self._texts.add(name)
+            elif length:
+                self._arrays.add(name)
+            places[name] = slice(place, place + length) if name in self._arrays else place
+            place += length if name in self._arrays else 1
+        self._places = tuple(places[field.name] for field in fields(cls))
+        self._struct: struct.Struct = self.definition.unpacker
+        self.full_length: int = self._struct.size
+        self.version_1_length = self.full_length - left_out
+
+    def message(self, payload: bytes) -> Message:
+        """Return the message of a payload: what is missing at its end is zero, and what is longer is cut off."""
+        values = self._struct.unpack(payload[: self.full_length].ljust(self.full_length, b"\0"))
+        if self._texts:
+            values = tuple(_text(value) if isinstance(value, bytes) else value for value in values)
+        return self._cls(*[values[place] for place in self._places])
+
+    def payload(self, message: Message) -> bytes:
+        """Return the payload of a message. Raises struct.error if a field does not fit its type."""
+        values: list[Any] = []
+        for name in self._wire_names:
+            value = getattr(message, name)
+            if name in self._arrays:
+                values += value
+            else:
+                values.append(value.encode("ascii", "replace") if name in self._texts else value)
+        return self._struct.pack(*values)
 
 
-def _layout_of(cls: type[Message], dialect_class: Any) -> _Layout:
-    types = dict(zip(dialect_class.fieldnames, dialect_class.fieldtypes, strict=True))
-    lengths = dict(zip(dialect_class.ordered_fieldnames, dialect_class.array_lengths, strict=True))
-    every = fields(cls)
-    names = tuple(field.name for field in every)
-    codes = dict(zip(dialect_class.ordered_fieldnames, dialect_class.native_format[1:].decode(), strict=True))
-    extensions = [field.name for field in every if field.default is not MISSING]
-    full_length = dialect_class.unpacker.size
-    return _Layout(
-        cls,
-        dialect_class,
-        names,
-        frozenset(name for name in names if lengths[name] and types[name] != "char"),
-        frozenset(name for name in names if types[name] == "char"),
-        full_length,
-        full_length - sum(struct.calcsize(codes[name]) * max(1, lengths[name]) for name in extensions),
-    )
+def _text(field: bytes) -> str:
+    return field.split(b"\0", 1)[0].decode("ascii", "replace")
 
 
-for _draft in draft_messages(dialect.MAVLink_message):
-    dialect.mavlink_map.setdefault(_draft.id, _draft)
-
-
-def _layouts() -> dict[str, _Layout]:
-    known = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
-    return {name: _layout_of(cls, known[name]) for name, cls in MESSAGES.items()}
-
-
-_LAYOUTS: Final = _layouts()
-_NAME_OF_ID: Final[dict[int, str]] = {cls.id: cls.msgname for cls in dialect.mavlink_map.values()}
-_ID_OF_NAME: Final[dict[str, int]] = {name: msg_id for msg_id, name in _NAME_OF_ID.items()}
-
-
-class _Forms(dict[int, Form | None]):
-    """How to read messages, by their ids; each form is made when it is first asked for."""
-
-    def __missing__(self, msg_id: int) -> Form | None:
-        dialect_class = dialect.mavlink_map.get(msg_id)
-        if dialect_class is None:  # of which there may be millions
-            return None
-        layout = _LAYOUTS.get(dialect_class.msgname)
-        form = None
-        if layout is None or not layout.texts:  # text is pymavlink's to decode
-            make = None if layout is None else _maker(layout)
-            crc_extra, payload = bytes((dialect_class.crc_extra,)), dialect_class.unpacker
-            form = Form(dialect_class.msgname, crc_extra, payload.size, payload.unpack_from, make)
-        self[msg_id] = form
-        return form
-
-
-_form_of: Final = _Forms().__getitem__
-
-
-def _maker(layout: _Layout) -> Callable[[tuple[Any, ...]], Message]:
-    """Return what makes a message of the fields in the order of the wire, elements of arrays one by one."""
-    starts, end = {}, 0
-    for name, length in zip(layout.dialect_class.ordered_fieldnames, layout.dialect_class.lengths, strict=True):
-        starts[name] = slice(end, end + length) if name in layout.arrays else end
-        end += length
-    pick = itemgetter(*[starts[name] for name in layout.names])
-    return maker_of(layout.cls, pick if len(layout.names) > 1 else lambda values: (pick(values),))
-
-
-def _crc_by_dialect(data: bytes) -> int:
-    crc: int = dialect.x25crc(data).crc
-    return crc
-
-
-# Where pymavlink has found fastcrc, its checksum is one call of that.
-_crc_of: Final[Callable[[bytes], int]] = getattr(dialect, "mcrf4xx", None) or _crc_by_dialect
+_LAYOUTS: Final[Mapping[str, _Layout]] = {name: _Layout(cls) for name, cls in MESSAGES.items()}
 
 
 def message_id(name: str) -> int:
@@ -119,7 +158,8 @@ def message_id(name: str) -> int:
 
 def message_name(msg_id: int) -> str | None:
     """Return the name of a message by its id, or None when the dialect has none."""
-    return _NAME_OF_ID.get(msg_id)
+    known = _DEFINITIONS.get(msg_id)
+    return None if known is None else str(known.msgname)
 
 
 def full_length(cls: type[Message]) -> int:
@@ -127,35 +167,60 @@ def full_length(cls: type[Message]) -> int:
     return _LAYOUTS[cls.__name__].full_length
 
 
-def _to_message(raw: Any) -> Message | None:
-    layout = _LAYOUTS.get(raw.get_type())
-    if layout is None:
-        return None
-    values = [tuple(getattr(raw, name)) if name in layout.arrays else getattr(raw, name) for name in layout.names]
-    return layout.cls(*values)
-
-
-def _to_header(raw: Any) -> Header:
-    # pymavlink leaves the header of a message it does not know empty.
-    frame, name = bytes(raw.get_msgbuf()), raw.get_type()
-    if frame[0] == dialect.PROTOCOL_MARKER_V1:
-        return Header(name, frame[5], frame[3], frame[4], frame[2], 1, frame)
-    return Header(name, int.from_bytes(frame[7:10], "little"), frame[5], frame[6], frame[4], 2, frame)
-
-
-def _without_extensions(frame: bytes, layout: _Layout) -> bytes:
-    # MAVLink 1 knows no extension fields; pymavlink sends them all the same.
-    body = bytes((layout.version_1_length,)) + frame[2 : _V1_HEADER_BYTES + layout.version_1_length]
-    crc = dialect.x25crc(body + bytes((layout.dialect_class.crc_extra,))).crc
-    return frame[:1] + body + struct.pack("<H", crc)
-
-
 def begins_with_frame(data: bytes) -> bool:
     """Return whether bytes begin with a whole frame of a message of the dialect whose checksum is right."""
     codec = Codec(0, 0)
     codec.feed(data)
     received = codec.next_received()
-    return isinstance(received, Received) and received.header.message_id in _NAME_OF_ID
+    return isinstance(received, Received) and received.header.message_id in _DEFINITIONS
+
+
+class _Parser(dialect.MAVLink):  # type: ignore[misc]  # pymavlink tells no types
+    """pymavlink's parser of a stream, which has each frame that is whole decoded by ``decode``.
+
+    Attributes:
+        link_signing: what signatures are checked by; None while none are.
+    """
+
+    link_signing: LinkSigning | None = None
+
+    def decode(self, msgbuf: bytearray) -> Received | BadData:
+        """Return what a frame holds, or why it counts as none."""
+        frame = bytes(msgbuf)
+        is_signed = False
+        if frame[0] == MARKER_V1:
+            version, start = 1, _V1_HEADER_BYTES
+            length, sequence, system_id, component_id, msg_id = frame[1:_V1_HEADER_BYTES]
+        else:
+            version, start, is_signed = 2, _V2_HEADER_BYTES, bool(frame[2] & _SIGNED)
+            length, sequence, system_id, component_id = frame[1], frame[4], frame[5], frame[6]
+            msg_id = int.from_bytes(frame[7:_V2_HEADER_BYTES], "little")
+        known, end = _DEFINITIONS.get(msg_id), start + length
+        if known is None:  # without a definition the checksum cannot be checked
+            name = f"UNKNOWN_{msg_id}"
+            return Received(Header(name, msg_id, system_id, component_id, sequence, version, frame), None)
+        checksum = dialect.x25crc(frame[1:end] + bytes((known.crc_extra,))).crc
+        if checksum != int.from_bytes(frame[end : end + _CRC_BYTES], "little"):
+            return BadData(Defect.CRC, len(frame))
+        if self.link_signing is not None:
+            refusal = self.link_signing.refusal(frame, msg_id, (system_id, component_id), is_signed=is_signed)
+            if refusal is not None:
+                return BadData(refusal, len(frame))
+        layout = _LAYOUTS.get(known.msgname)
+        message = None if layout is None else layout.message(frame[start:end])
+        return Received(Header(known.msgname, msg_id, system_id, component_id, sequence, version, frame), message)
+
+
+class _Outgoing(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink tells no types
+    """A message that pymavlink makes a frame of."""
+
+    def __init__(self, definition: Any, payload: bytes) -> None:
+        super().__init__(definition.id, definition.msgname)
+        self.crc_extra = definition.crc_extra
+        self._body = payload
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> Any:
+        return self._pack(mav, self.crc_extra, self._body, force_mavlink1=force_mavlink1)
 
 
 class Codec:
@@ -170,7 +235,7 @@ class Codec:
     def __init__(self, system_id: int, component_id: int, version: int = 2) -> None:
         if version not in (1, 2):
             raise ValueError(f"MAVLink has versions 1 and 2, not {version}")
-        self._mav = dialect.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+        self._mav = _Parser(None, srcSystem=system_id, srcComponent=component_id)
         self._mav.robust_parsing = True
         self.version = version
         self.frames_sent = 0
@@ -208,110 +273,55 @@ class Codec:
 
     def next_received(self) -> Received | BadData | None:
         """Return the next frame or stretch of bad bytes, or None when more bytes are needed. Never raises."""
-        mav = self._mav
-        if mav.buf_index == len(mav.buf):
-            return None
-        received = self._next_plain() if self._signing is None else None
-        if received is not None:
+        received = self._mav.parse_char(b"")
+        if received is None or isinstance(received, Received | BadData):
             return received
-        raw = mav.parse_char(b"")
-        if raw is None:
-            return None
-        if raw.get_type() == "BAD_DATA":
-            return BadData(str(raw.reason), len(raw.data))
-        return Received(_to_header(raw), _to_message(raw))
-
-    def _next_plain(self) -> Received | None:
-        """Take a frame that needs no more than reading, from where pymavlink's parser stands."""
-        mav = self._mav
-        received = plain_frame(mav.buf, mav.buf_index, _form_of, _crc_of)
-        if received is not None:
-            mav.buf_index += len(received.header.frame)
-            if mav.buf_index == len(mav.buf):
-                mav.buf, mav.buf_index = bytearray(), 0
-        return received
+        # Of what is bad the parser finds two kinds itself: bytes between frames, and frames with other flags.
+        defect = Defect.FLAGS if received.data[0] == MARKER_V2 else Defect.PREFIX
+        return BadData(defect, len(received.data))
 
     def encode(self, message: Message) -> bytes:
         """Return the next frame with this message. Raises struct.error if a field does not fit its type."""
         layout = _LAYOUTS[type(message).__name__]
-        values = {
-            name: getattr(message, name).encode("ascii", "replace") if name in layout.texts else getattr(message, name)
-            for name in layout.names
-        }
-        raw = layout.dialect_class(**values)
-        frame = bytes(raw.pack(self._mav, force_mavlink1=self.version == 1))
+        payload = layout.payload(message)
         if self.version == 1:
-            frame = _without_extensions(frame, layout)
+            payload = payload[: layout.version_1_length]
+        frame = bytes(_Outgoing(layout.definition, payload).pack(self._mav, force_mavlink1=self.version == 1))
         self._mav.seq = (self._mav.seq + 1) % 256
         self.frames_sent += 1
         return frame
 
-    # Signing
-
-    _signing: LinkSigning | None = None
-
     @property
     def signing(self) -> LinkSigning | None:
         """Signing on this link, or None while frames are neither signed nor checked."""
-        return self._signing
+        return self._mav.link_signing
 
     @property
     def overhead_bytes(self) -> int:
         """Bytes that a frame takes beside its payload, the signature included (GCS_MAVLINK::packet_overhead_chan)."""
-        return V2_HEADER_AND_CRC_BYTES + (0 if self._signing is None else SIGNATURE_BLOCK_BYTES)
+        return V2_HEADER_AND_CRC_BYTES + (0 if self.signing is None else SIGNATURE_BLOCK_BYTES)
 
     def configure_signing(self, signing: LinkSigning | None) -> None:
         """Sign outgoing MAVLink 2 frames and check received ones from now on; None ends both.
 
         A refused frame comes out of ``next_received`` as BadData whose reason is a ``signature.Refusal``.
         """
-        self._signing = signing
-        if signing is None:
-            self._mav.signing = dialect.MAVLinkSigning()
-            return
-        # pymavlink's own check remembers the timestamp of a forged frame, after which the genuine ones look old.
-        self._mav.check_signature = signing.check_signature
-        self._mav.signing = signing
-        signing.allow_unsigned_callback = _admission(signing)
+        self._mav.link_signing = signing
+        self._mav.signing = dialect.MAVLinkSigning() if signing is None else signing
 
 
-def _admission(signing: LinkSigning) -> Callable[[Any, int], bool]:
-    def admit(_mav: Any, msg_id: int) -> bool:
-        refusal = signing.refuse_unverified(msg_id)
-        if refusal is not None:
-            raise dialect.MAVError(refusal.value)
-        return True
-
-    return admit
-
-
-def _offset_of(dialect_class: Any, name: str) -> int | None:
-    if name not in dialect_class.ordered_fieldnames:
+def _offset_of(definition: Any, name: str) -> int | None:
+    if name not in definition.ordered_fieldnames:
         return None
-    index: int = dialect_class.ordered_fieldnames.index(name)
-    kinds = dialect_class.native_format[1:].decode()
-    counts = dialect_class.array_lengths
+    index: int = definition.ordered_fieldnames.index(name)
+    kinds = definition.native_format[1:].decode()
+    counts = definition.array_lengths
     return sum(struct.calcsize(kinds[i]) * max(1, int(counts[i])) for i in range(index))
 
 
 def target_offsets() -> dict[int, tuple[int | None, int | None]]:
     """Return where target_system and target_component stand in each message's payload, by message id."""
     return {
-        cls.id: (_offset_of(cls, "target_system"), _offset_of(cls, "target_component"))
-        for cls in dialect.mavlink_map.values()
+        msg_id: (_offset_of(known, "target_system"), _offset_of(known, "target_component"))
+        for msg_id, known in _DEFINITIONS.items()
     }
-
-
-__all__ = [
-    "V2_HEADER_AND_CRC_BYTES",
-    "BadData",
-    "Codec",
-    "Header",
-    "Received",
-    "begins_with_frame",
-    "full_length",
-    "message_id",
-    "message_name",
-    "messages",
-    "target_offsets",
-]

@@ -2,25 +2,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The MAVLink messages that the endpoint and the companion know, as frozen dataclasses.
 
-Field names, units and order are those of the message definitions (common.xml, ardupilotmega.xml). Arrays are tuples,
-text is ``str`` without its padding. Extension fields, which a sender may leave out, default to zero as on the wire.
-Messages that share fields inherit them from a class with a leading ``_``, never from one another.
+tools/make_messages.py writes this file. Field names and order are those of the message definitions (common.xml,
+ardupilotmega.xml). Arrays are tuples, text is ``str`` without its padding. Extension fields, which a sender may leave
+out, are zero by default, as on the wire.
 """
 
-from mav_handlers.wire.message_class import MESSAGES as MESSAGES
-from mav_handlers.wire.message_class import Message as Message
-from mav_handlers.wire.message_class import message
+from collections.abc import Mapping
+from dataclasses import Field, dataclass
+from typing import Any, ClassVar, Final
 
 
-@message
-class _Targeted(Message):
-    """What is meant for one system and component; 0 for all."""
+class Message:
+    """Base of all messages, which are dataclasses; the class name is MAVLink's name of the message."""
 
-    target_system: int
-    target_component: int
+    __slots__ = ()
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class HEARTBEAT(Message):
     """Presence, type, mode and state of a component."""
 
@@ -32,7 +32,7 @@ class HEARTBEAT(Message):
     mavlink_version: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class SYS_STATUS(Message):
     """Sensors present, enabled and healthy (bit masks), load, battery and error counters."""
 
@@ -54,7 +54,7 @@ class SYS_STATUS(Message):
     onboard_control_sensors_health_extended: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class SYSTEM_TIME(Message):
     """UTC in us (0 while unknown) and ms since boot."""
 
@@ -62,7 +62,7 @@ class SYSTEM_TIME(Message):
     time_boot_ms: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class SET_MODE(Message):
     """Request for a flight mode."""
 
@@ -71,20 +71,25 @@ class SET_MODE(Message):
     custom_mode: int
 
 
-@message
-class PARAM_REQUEST_READ(_Targeted):
+@dataclass(frozen=True, slots=True)
+class PARAM_REQUEST_READ(Message):
     """Request for one parameter, by index or (index -1) by name."""
 
+    target_system: int
+    target_component: int
     param_id: str
     param_index: int
 
 
-@message
-class PARAM_REQUEST_LIST(_Targeted):
+@dataclass(frozen=True, slots=True)
+class PARAM_REQUEST_LIST(Message):
     """Request for all parameters."""
 
+    target_system: int
+    target_component: int
 
-@message
+
+@dataclass(frozen=True, slots=True)
 class PARAM_VALUE(Message):
     """One parameter: value as float32 whatever its type."""
 
@@ -95,25 +100,29 @@ class PARAM_VALUE(Message):
     param_index: int
 
 
-@message
-class PARAM_SET(_Targeted):
+@dataclass(frozen=True, slots=True)
+class PARAM_SET(Message):
     """Request to change a parameter."""
 
+    target_system: int
+    target_component: int
     param_id: str
     param_value: float
     param_type: int
 
 
-@message
-class PARAM_ERROR(_Targeted):
+@dataclass(frozen=True, slots=True)
+class PARAM_ERROR(Message):
     """Why a parameter was not read or set (MAV_PARAM_ERROR); by name with index -1."""
 
+    target_system: int
+    target_component: int
     param_id: str
     param_index: int
     error: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class GPS_RAW_INT(Message):
     """What a GPS says: degE7, mm, dilutions x 100 (65535 unknown), cm/s, centidegrees; accuracies in mm and mm/s."""
 
@@ -135,9 +144,9 @@ class GPS_RAW_INT(Message):
     yaw: int = 0
 
 
-@message
-class _ScaledImu(Message):
-    """An IMU and compass: mG, mrad/s, mgauss, 0.01 degC."""
+@dataclass(frozen=True, slots=True)
+class SCALED_IMU(Message):
+    """First IMU and compass: mG, mrad/s, mgauss, 0.01 degC."""
 
     time_boot_ms: int
     xacc: int
@@ -152,12 +161,7 @@ class _ScaledImu(Message):
     temperature: int = 0
 
 
-@message
-class SCALED_IMU(_ScaledImu):
-    """First IMU and compass: mG, mrad/s, mgauss, 0.01 degC."""
-
-
-@message
+@dataclass(frozen=True, slots=True)
 class RAW_IMU(Message):
     """First IMU and compass, as the firmware scales them: mG, mrad/s, mgauss, 0.01 degC."""
 
@@ -175,7 +179,7 @@ class RAW_IMU(Message):
     temperature: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class SCALED_PRESSURE(Message):
     """First barometer: hPa, 0.01 degC."""
 
@@ -186,7 +190,7 @@ class SCALED_PRESSURE(Message):
     temperature_press_diff: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class ATTITUDE(Message):
     """Roll, pitch, yaw in rad, body rates in rad/s."""
 
@@ -199,7 +203,7 @@ class ATTITUDE(Message):
     yawspeed: float
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class ATTITUDE_QUATERNION(Message):
     """Attitude as w, x, y, z (body to NED), body rates in rad/s."""
 
@@ -214,7 +218,7 @@ class ATTITUDE_QUATERNION(Message):
     repr_offset_q: tuple[float, ...] = (0.0,) * 4
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class LOCAL_POSITION_NED(Message):
     """Position in m and velocity in m/s, NED from the EKF origin."""
 
@@ -227,7 +231,7 @@ class LOCAL_POSITION_NED(Message):
     vz: float
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class GLOBAL_POSITION_INT(Message):
     """Place and velocity: degE7, mm above sea level and above home, cm/s NED, centidegrees."""
 
@@ -242,7 +246,7 @@ class GLOBAL_POSITION_INT(Message):
     hdg: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class RC_CHANNELS_RAW(Message):
     """Eight radio channels in us, for MAVLink 1."""
 
@@ -259,7 +263,7 @@ class RC_CHANNELS_RAW(Message):
     rssi: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class SERVO_OUTPUT_RAW(Message):
     """Sixteen servo outputs in us."""
 
@@ -283,7 +287,7 @@ class SERVO_OUTPUT_RAW(Message):
     servo16_raw: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class MISSION_CURRENT(Message):
     """The mission's present item, number of items, state and mode."""
 
@@ -293,7 +297,7 @@ class MISSION_CURRENT(Message):
     mission_mode: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class SET_GPS_GLOBAL_ORIGIN(Message):
     """Request to set the EKF origin: degE7, mm above mean sea level."""
 
@@ -304,7 +308,7 @@ class SET_GPS_GLOBAL_ORIGIN(Message):
     time_usec: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class GPS_GLOBAL_ORIGIN(Message):
     """The EKF origin: degE7, mm above mean sea level, us since boot."""
 
@@ -314,7 +318,7 @@ class GPS_GLOBAL_ORIGIN(Message):
     time_usec: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class NAV_CONTROLLER_OUTPUT(Message):
     """Where the controllers want to go: degrees, m, m/s."""
 
@@ -328,7 +332,7 @@ class NAV_CONTROLLER_OUTPUT(Message):
     xtrack_error: float
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class RC_CHANNELS(Message):
     """Eighteen radio channels in us, signal strength (255 unknown)."""
 
@@ -355,16 +359,18 @@ class RC_CHANNELS(Message):
     rssi: int
 
 
-@message
-class REQUEST_DATA_STREAM(_Targeted):
+@dataclass(frozen=True, slots=True)
+class REQUEST_DATA_STREAM(Message):
     """Request for the rate in Hz of a group of messages."""
 
+    target_system: int
+    target_component: int
     req_stream_id: int
     req_message_rate: int
     start_stop: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class VFR_HUD(Message):
     """What a pilot looks at: m/s, degrees, percent, m above sea level, m/s upwards."""
 
@@ -376,10 +382,12 @@ class VFR_HUD(Message):
     climb: float
 
 
-@message
-class COMMAND_INT(_Targeted):
+@dataclass(frozen=True, slots=True)
+class COMMAND_INT(Message):
     """A command with x and y as integers."""
 
+    target_system: int
+    target_component: int
     frame: int
     command: int
     current: int
@@ -393,10 +401,12 @@ class COMMAND_INT(_Targeted):
     z: float
 
 
-@message
-class COMMAND_LONG(_Targeted):
+@dataclass(frozen=True, slots=True)
+class COMMAND_LONG(Message):
     """A command with seven float32 parameters."""
 
+    target_system: int
+    target_component: int
     command: int
     confirmation: int
     param1: float
@@ -408,7 +418,7 @@ class COMMAND_LONG(_Targeted):
     param7: float
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class COMMAND_ACK(Message):
     """Result of a command."""
 
@@ -420,8 +430,23 @@ class COMMAND_ACK(Message):
     target_component: int = 0
 
 
-@message
-class _PoseEstimate(Message):
+@dataclass(frozen=True, slots=True)
+class GLOBAL_VISION_POSITION_ESTIMATE(Message):
+    """An alias of VISION_POSITION_ESTIMATE to the firmware; not a geodetic position."""
+
+    usec: int
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+    covariance: tuple[float, ...] = (0.0,) * 21
+    reset_counter: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class VISION_POSITION_ESTIMATE(Message):
     """Position in m NED, roll, pitch, yaw in rad, row-major upper triangle of the 6x6 covariance."""
 
     usec: int
@@ -432,23 +457,10 @@ class _PoseEstimate(Message):
     pitch: float
     yaw: float
     covariance: tuple[float, ...] = (0.0,) * 21
-
-
-@message
-class GLOBAL_VISION_POSITION_ESTIMATE(_PoseEstimate):
-    """An alias of VISION_POSITION_ESTIMATE to the firmware; not a geodetic position."""
-
     reset_counter: int = 0
 
 
-@message
-class VISION_POSITION_ESTIMATE(_PoseEstimate):
-    """Position in m NED, roll, pitch, yaw in rad, row-major upper triangle of the 6x6 covariance."""
-
-    reset_counter: int = 0
-
-
-@message
+@dataclass(frozen=True, slots=True)
 class VISION_SPEED_ESTIMATE(Message):
     """Velocity in m/s NED, 3x3 covariance."""
 
@@ -460,14 +472,23 @@ class VISION_SPEED_ESTIMATE(Message):
     reset_counter: int = 0
 
 
-@message
-class VICON_POSITION_ESTIMATE(_PoseEstimate):
+@dataclass(frozen=True, slots=True)
+class VICON_POSITION_ESTIMATE(Message):
     """As VISION_POSITION_ESTIMATE, without a reset counter."""
 
+    usec: int
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+    covariance: tuple[float, ...] = (0.0,) * 21
 
-@message
-class _Sensors(Message):
-    """Inertial sensors, compass and barometer with a mask of what is new."""
+
+@dataclass(frozen=True, slots=True)
+class HIGHRES_IMU(Message):
+    """Inertial sensors, compass and barometer with a mask of what is new: m/s/s, rad/s, hPa, m, degC."""
 
     time_usec: int
     xacc: float
@@ -487,12 +508,7 @@ class _Sensors(Message):
     id: int = 0
 
 
-@message
-class HIGHRES_IMU(_Sensors):
-    """Inertial sensors, compass and barometer with a mask of what is new: m/s/s, rad/s, hPa, m, degC."""
-
-
-@message
+@dataclass(frozen=True, slots=True)
 class SIM_STATE(Message):
     """A simulator's truth: attitude in rad, m/s/s, rad/s, degrees of place, m of altitude, m/s NED, 1e-7 degrees."""
 
@@ -521,7 +537,7 @@ class SIM_STATE(Message):
     lon_int: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class TIMESYNC(Message):
     """Time in ns: tc1 of the answering side (0 in a request), ts1 of the asking side."""
 
@@ -529,12 +545,24 @@ class TIMESYNC(Message):
     ts1: int
 
 
-@message
-class SCALED_IMU2(_ScaledImu):
+@dataclass(frozen=True, slots=True)
+class SCALED_IMU2(Message):
     """Second IMU and compass, as SCALED_IMU."""
 
+    time_boot_ms: int
+    xacc: int
+    yacc: int
+    zacc: int
+    xgyro: int
+    ygyro: int
+    zgyro: int
+    xmag: int
+    ymag: int
+    zmag: int
+    temperature: int = 0
 
-@message
+
+@dataclass(frozen=True, slots=True)
 class POWER_STATUS(Message):
     """Voltages of the board and of the servo rail in mV."""
 
@@ -543,12 +571,24 @@ class POWER_STATUS(Message):
     flags: int
 
 
-@message
-class SCALED_IMU3(_ScaledImu):
+@dataclass(frozen=True, slots=True)
+class SCALED_IMU3(Message):
     """Third IMU and compass, as SCALED_IMU."""
 
+    time_boot_ms: int
+    xacc: int
+    yacc: int
+    zacc: int
+    xgyro: int
+    ygyro: int
+    zgyro: int
+    xmag: int
+    ymag: int
+    zmag: int
+    temperature: int = 0
 
-@message
+
+@dataclass(frozen=True, slots=True)
 class SCALED_PRESSURE2(Message):
     """Second barometer, as SCALED_PRESSURE."""
 
@@ -559,7 +599,7 @@ class SCALED_PRESSURE2(Message):
     temperature_press_diff: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class ATT_POS_MOCAP(Message):
     """Attitude as w, x, y, z and position in m NED."""
 
@@ -571,7 +611,7 @@ class ATT_POS_MOCAP(Message):
     covariance: tuple[float, ...] = (0.0,) * 21
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class BATTERY_STATUS(Message):
     """A battery: mV of each cell (65535 none), cA, mAh, hJ, percent."""
 
@@ -591,7 +631,7 @@ class BATTERY_STATUS(Message):
     fault_bitmask: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class MEMINFO(Message):
     """Free memory in bytes."""
 
@@ -600,7 +640,7 @@ class MEMINFO(Message):
     freemem32: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class AHRS(Message):
     """Gyro bias in rad/s and DCM's errors."""
 
@@ -613,7 +653,7 @@ class AHRS(Message):
     error_yaw: float
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class SIMSTATE(Message):
     """ArduPilot's simulator's truth: attitude in rad, m/s/s, rad/s, place in 1e-7 degrees."""
 
@@ -630,7 +670,7 @@ class SIMSTATE(Message):
     lng: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class HWSTATUS(Message):
     """Voltage of the board in mV, errors of the I2C bus."""
 
@@ -638,7 +678,7 @@ class HWSTATUS(Message):
     I2Cerr: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class AHRS2(Message):
     """Attitude in rad and place (m, degE7) of the second estimator."""
 
@@ -650,7 +690,7 @@ class AHRS2(Message):
     lng: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class SET_POSITION_TARGET_LOCAL_NED(Message):
     """Where to fly: m, m/s, m/s/s NED, rad, rad/s; the mask says what to ignore."""
 
@@ -672,7 +712,7 @@ class SET_POSITION_TARGET_LOCAL_NED(Message):
     yaw_rate: float
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class SET_POSITION_TARGET_GLOBAL_INT(Message):
     """Where to fly: degE7 and m, m/s, m/s/s NED, rad, rad/s; the mask says what to ignore."""
 
@@ -694,10 +734,12 @@ class SET_POSITION_TARGET_GLOBAL_INT(Message):
     yaw_rate: float
 
 
-@message
-class RC_CHANNELS_OVERRIDE(_Targeted):
+@dataclass(frozen=True, slots=True)
+class RC_CHANNELS_OVERRIDE(Message):
     """Pulse lengths in us in place of the radio's; 65535 is none, and 0 gives a channel back to the radio."""
 
+    target_system: int
+    target_component: int
     chan1_raw: int
     chan2_raw: int
     chan3_raw: int
@@ -718,12 +760,15 @@ class RC_CHANNELS_OVERRIDE(_Targeted):
     chan18_raw: int = 0
 
 
-@message
-class AUTOPILOT_VERSION_REQUEST(_Targeted):
+@dataclass(frozen=True, slots=True)
+class AUTOPILOT_VERSION_REQUEST(Message):
     """Request for AUTOPILOT_VERSION."""
 
+    target_system: int
+    target_component: int
 
-@message
+
+@dataclass(frozen=True, slots=True)
 class AUTOPILOT_VERSION(Message):
     """Capabilities, versions and ids."""
 
@@ -741,7 +786,7 @@ class AUTOPILOT_VERSION(Message):
     uid2: tuple[int, ...] = (0,) * 18
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class EKF_STATUS_REPORT(Message):
     """What the EKF says of itself: flags, and square roots of test ratios, 1.0 at the gate."""
 
@@ -754,7 +799,7 @@ class EKF_STATUS_REPORT(Message):
     airspeed_variance: float = 0.0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class VIBRATION(Message):
     """Vibration levels in m/s/s and how often each accelerometer clipped."""
 
@@ -767,7 +812,7 @@ class VIBRATION(Message):
     clipping_2: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class HOME_POSITION(Message):
     """Home: degE7, mm; m NED from the EKF origin."""
 
@@ -784,7 +829,7 @@ class HOME_POSITION(Message):
     time_usec: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class MESSAGE_INTERVAL(Message):
     """Interval of a message in us: -1 not sent, 0 unknown."""
 
@@ -792,7 +837,7 @@ class MESSAGE_INTERVAL(Message):
     interval_us: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class EXTENDED_SYS_STATE(Message):
     """Kind of flight of a VTOL, and whether landed."""
 
@@ -800,7 +845,7 @@ class EXTENDED_SYS_STATE(Message):
     landed_state: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class NAMED_VALUE_FLOAT(Message):
     """A value with a name, for debugging."""
 
@@ -809,7 +854,7 @@ class NAMED_VALUE_FLOAT(Message):
     value: float
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class STATUSTEXT(Message):
     """A text with its severity; longer ones come in chunks of 50 characters that share an id."""
 
@@ -819,7 +864,7 @@ class STATUSTEXT(Message):
     chunk_seq: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class ODOMETRY(Message):
     """Pose and velocity: m, m/s, rad/s; q as w, x, y, z; quality -1 failed, 0 unknown, 1..100."""
 
@@ -843,7 +888,7 @@ class ODOMETRY(Message):
     quality: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class VISION_POSITION_DELTA(Message):
     """Change of angle (rad) and position (m) in the body frame over time_delta_usec."""
 
@@ -854,7 +899,7 @@ class VISION_POSITION_DELTA(Message):
     confidence: float
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class FILE_TRANSFER_PROTOCOL(Message):
     """One request or reply of MAVLink FTP, 251 bytes."""
 
@@ -864,15 +909,17 @@ class FILE_TRANSFER_PROTOCOL(Message):
     payload: tuple[int, ...]
 
 
-@message
-class LOG_REQUEST_LIST(_Targeted):
+@dataclass(frozen=True, slots=True)
+class LOG_REQUEST_LIST(Message):
     """Request for a list of logs: first and last id."""
 
+    target_system: int
+    target_component: int
     start: int
     end: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class LOG_ENTRY(Message):
     """One log: id 1..num_logs, last id of this list, UTC in s (0 while unknown), bytes; all 0 when there is none."""
 
@@ -883,16 +930,18 @@ class LOG_ENTRY(Message):
     size: int
 
 
-@message
-class LOG_REQUEST_DATA(_Targeted):
+@dataclass(frozen=True, slots=True)
+class LOG_REQUEST_DATA(Message):
     """Request for ``count`` bytes of a log from offset ``ofs`` on."""
 
+    target_system: int
+    target_component: int
     id: int
     ofs: int
     count: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class LOG_DATA(Message):
     """Up to 90 bytes of a log, padded with zeros; fewer end the transfer."""
 
@@ -902,25 +951,33 @@ class LOG_DATA(Message):
     data: tuple[int, ...]
 
 
-@message
-class LOG_ERASE(_Targeted):
+@dataclass(frozen=True, slots=True)
+class LOG_ERASE(Message):
     """Request to erase all logs."""
 
+    target_system: int
+    target_component: int
 
-@message
-class LOG_REQUEST_END(_Targeted):
+
+@dataclass(frozen=True, slots=True)
+class LOG_REQUEST_END(Message):
     """Request to stop a log transfer."""
 
+    target_system: int
+    target_component: int
 
-@message
-class SETUP_SIGNING(_Targeted):
+
+@dataclass(frozen=True, slots=True)
+class SETUP_SIGNING(Message):
     """Signing key of 32 bytes and first timestamp (10 us since 2015); all zero ends signing."""
 
+    target_system: int
+    target_component: int
     secret_key: tuple[int, ...]
     initial_timestamp: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class RADIO_STATUS(Message):
     """Signal and noise of a radio and its peer, free transmit buffer (%), receive errors and corrected packets."""
 
@@ -933,7 +990,7 @@ class RADIO_STATUS(Message):
     fixed: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class OPTICAL_FLOW(Message):
     """Movement of an image: flow in 0.1 pixels (as the sender sees it), compensated flow in m/s, quality 0..255."""
 
@@ -949,7 +1006,7 @@ class OPTICAL_FLOW(Message):
     flow_rate_y: float = 0.0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class DISTANCE_SENSOR(Message):
     """A distance in cm, its limits, and where the sensor looks."""
 
@@ -967,7 +1024,7 @@ class DISTANCE_SENSOR(Message):
     signal_quality: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class RANGEFINDER(Message):
     """The range of a range finder that looks down, m, and its voltage."""
 
@@ -975,7 +1032,7 @@ class RANGEFINDER(Message):
     voltage: float
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class LANDING_TARGET(Message):
     """Where a landing target is: angles in rad from the image's middle, distance in m, or a position in m."""
 
@@ -995,7 +1052,7 @@ class LANDING_TARGET(Message):
     position_valid: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class GPS_INPUT(Message):
     """A GPS solution: degE7, m above mean sea level, m/s NED, accuracies in m/s and m; yaw in 0.01 deg, 0 for none."""
 
@@ -1020,12 +1077,29 @@ class GPS_INPUT(Message):
     yaw: int = 0
 
 
-@message
-class HIL_SENSOR(_Sensors):
+@dataclass(frozen=True, slots=True)
+class HIL_SENSOR(Message):
     """A simulator's sensors with a mask of what is new: m/s/s (gravity felt), rad/s, gauss, hPa, m, degC."""
 
+    time_usec: int
+    xacc: float
+    yacc: float
+    zacc: float
+    xgyro: float
+    ygyro: float
+    zgyro: float
+    xmag: float
+    ymag: float
+    zmag: float
+    abs_pressure: float
+    diff_pressure: float
+    pressure_alt: float
+    temperature: float
+    fields_updated: int
+    id: int = 0
 
-@message
+
+@dataclass(frozen=True, slots=True)
 class HIL_STATE_QUATERNION(Message):
     """A simulator's truth: w, x, y, z (body to NED), rad/s, degE7, mm, cm/s NED, airspeeds in cm/s, mG."""
 
@@ -1047,7 +1121,7 @@ class HIL_STATE_QUATERNION(Message):
     zacc: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class ADSB_VEHICLE(Message):
     """An aircraft: degE7, mm, heading in 0.01 deg, speeds in cm/s, seconds since it was last heard of."""
 
@@ -1066,7 +1140,7 @@ class ADSB_VEHICLE(Message):
     squawk: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class RADIO(Message):
     """RADIO_STATUS as older radios send it."""
 
@@ -1079,7 +1153,7 @@ class RADIO(Message):
     fixed: int
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class AVAILABLE_MODES(Message):
     """One flight mode: how many there are, its index from 1, its numbers, its properties (bits) and its name."""
 
@@ -1091,48 +1165,58 @@ class AVAILABLE_MODES(Message):
     mode_name: str
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class AVAILABLE_MODES_MONITOR(Message):
     """A number that changes with the list of modes."""
 
     seq: int
 
 
-@message
-class MISSION_REQUEST_LIST(_Targeted):
+@dataclass(frozen=True, slots=True)
+class MISSION_REQUEST_LIST(Message):
     """Request for the number of items: of a mission (0), a fence (1) or rally points (2)."""
 
+    target_system: int
+    target_component: int
     mission_type: int = 0
 
 
-@message
-class MISSION_COUNT(_Targeted):
+@dataclass(frozen=True, slots=True)
+class MISSION_COUNT(Message):
     """How many items there are, or will come."""
 
+    target_system: int
+    target_component: int
     count: int
     mission_type: int = 0
 
 
-@message
-class MISSION_REQUEST(_Targeted):
+@dataclass(frozen=True, slots=True)
+class MISSION_REQUEST(Message):
     """Request for one item, in float32."""
 
+    target_system: int
+    target_component: int
     seq: int
     mission_type: int = 0
 
 
-@message
-class MISSION_REQUEST_INT(_Targeted):
+@dataclass(frozen=True, slots=True)
+class MISSION_REQUEST_INT(Message):
     """Request for one item."""
 
+    target_system: int
+    target_component: int
     seq: int
     mission_type: int = 0
 
 
-@message
-class _MissionItem(_Targeted):
-    """An item up to its place."""
+@dataclass(frozen=True, slots=True)
+class MISSION_ITEM(Message):
+    """One item; x and y are degrees where they are a place, z is metres."""
 
+    target_system: int
+    target_component: int
     seq: int
     frame: int
     command: int
@@ -1142,53 +1226,64 @@ class _MissionItem(_Targeted):
     param2: float
     param3: float
     param4: float
-
-
-@message
-class MISSION_ITEM(_MissionItem):
-    """One item; x and y are degrees where they are a place, z is metres."""
-
     x: float
     y: float
     z: float
     mission_type: int = 0
 
 
-@message
-class MISSION_ITEM_INT(_MissionItem):
+@dataclass(frozen=True, slots=True)
+class MISSION_ITEM_INT(Message):
     """One item; x and y are degE7 where they are a place, z is metres."""
 
+    target_system: int
+    target_component: int
+    seq: int
+    frame: int
+    command: int
+    current: int
+    autocontinue: int
+    param1: float
+    param2: float
+    param3: float
+    param4: float
     x: int
     y: int
     z: float
     mission_type: int = 0
 
 
-@message
-class MISSION_ACK(_Targeted):
+@dataclass(frozen=True, slots=True)
+class MISSION_ACK(Message):
     """End of a transfer, with a MAV_MISSION_RESULT."""
 
+    target_system: int
+    target_component: int
     type: int
     mission_type: int = 0
 
 
-@message
-class MISSION_CLEAR_ALL(_Targeted):
+@dataclass(frozen=True, slots=True)
+class MISSION_CLEAR_ALL(Message):
     """Request to forget all items."""
 
+    target_system: int
+    target_component: int
     mission_type: int = 0
 
 
-@message
-class MISSION_WRITE_PARTIAL_LIST(_Targeted):
+@dataclass(frozen=True, slots=True)
+class MISSION_WRITE_PARTIAL_LIST(Message):
     """Announcement of items that replace some."""
 
+    target_system: int
+    target_component: int
     start_index: int
     end_index: int
     mission_type: int = 0
 
 
-@message
+@dataclass(frozen=True, slots=True)
 class SET_HOME_POSITION(Message):
     """Wish for another home: degE7, mm; the firmware ignores it."""
 
@@ -1199,8 +1294,107 @@ class SET_HOME_POSITION(Message):
     x: float
     y: float
     z: float
-    q: tuple[float, float, float, float]
+    q: tuple[float, ...]
     approach_x: float
     approach_y: float
     approach_z: float
     time_usec: int = 0
+
+
+MESSAGES: Final[Mapping[str, type[Message]]] = {
+    cls.__name__: cls
+    for cls in (
+        HEARTBEAT,
+        SYS_STATUS,
+        SYSTEM_TIME,
+        SET_MODE,
+        PARAM_REQUEST_READ,
+        PARAM_REQUEST_LIST,
+        PARAM_VALUE,
+        PARAM_SET,
+        PARAM_ERROR,
+        GPS_RAW_INT,
+        SCALED_IMU,
+        RAW_IMU,
+        SCALED_PRESSURE,
+        ATTITUDE,
+        ATTITUDE_QUATERNION,
+        LOCAL_POSITION_NED,
+        GLOBAL_POSITION_INT,
+        RC_CHANNELS_RAW,
+        SERVO_OUTPUT_RAW,
+        MISSION_CURRENT,
+        SET_GPS_GLOBAL_ORIGIN,
+        GPS_GLOBAL_ORIGIN,
+        NAV_CONTROLLER_OUTPUT,
+        RC_CHANNELS,
+        REQUEST_DATA_STREAM,
+        VFR_HUD,
+        COMMAND_INT,
+        COMMAND_LONG,
+        COMMAND_ACK,
+        GLOBAL_VISION_POSITION_ESTIMATE,
+        VISION_POSITION_ESTIMATE,
+        VISION_SPEED_ESTIMATE,
+        VICON_POSITION_ESTIMATE,
+        HIGHRES_IMU,
+        SIM_STATE,
+        TIMESYNC,
+        SCALED_IMU2,
+        POWER_STATUS,
+        SCALED_IMU3,
+        SCALED_PRESSURE2,
+        ATT_POS_MOCAP,
+        BATTERY_STATUS,
+        MEMINFO,
+        AHRS,
+        SIMSTATE,
+        HWSTATUS,
+        AHRS2,
+        SET_POSITION_TARGET_LOCAL_NED,
+        SET_POSITION_TARGET_GLOBAL_INT,
+        RC_CHANNELS_OVERRIDE,
+        AUTOPILOT_VERSION_REQUEST,
+        AUTOPILOT_VERSION,
+        EKF_STATUS_REPORT,
+        VIBRATION,
+        HOME_POSITION,
+        MESSAGE_INTERVAL,
+        EXTENDED_SYS_STATE,
+        NAMED_VALUE_FLOAT,
+        STATUSTEXT,
+        ODOMETRY,
+        VISION_POSITION_DELTA,
+        FILE_TRANSFER_PROTOCOL,
+        LOG_REQUEST_LIST,
+        LOG_ENTRY,
+        LOG_REQUEST_DATA,
+        LOG_DATA,
+        LOG_ERASE,
+        LOG_REQUEST_END,
+        SETUP_SIGNING,
+        RADIO_STATUS,
+        OPTICAL_FLOW,
+        DISTANCE_SENSOR,
+        RANGEFINDER,
+        LANDING_TARGET,
+        GPS_INPUT,
+        HIL_SENSOR,
+        HIL_STATE_QUATERNION,
+        ADSB_VEHICLE,
+        RADIO,
+        AVAILABLE_MODES,
+        AVAILABLE_MODES_MONITOR,
+        MISSION_REQUEST_LIST,
+        MISSION_COUNT,
+        MISSION_REQUEST,
+        MISSION_REQUEST_INT,
+        MISSION_ITEM,
+        MISSION_ITEM_INT,
+        MISSION_ACK,
+        MISSION_CLEAR_ALL,
+        MISSION_WRITE_PARTIAL_LIST,
+        SET_HOME_POSITION,
+    )
+}
+"""All message classes by name."""

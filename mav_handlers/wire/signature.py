@@ -8,9 +8,9 @@ over the key and all before. Source: mavlink_helpers.h, mavlink_signature_check.
 
 import hmac
 from collections.abc import Callable
-from enum import StrEnum
+from enum import Enum
 from hashlib import sha256
-from typing import Any, Final
+from typing import Final
 
 from ap_core.cint import u64
 
@@ -21,7 +21,7 @@ MINUTE_IN_TIMESTAMPS: Final = 6_000_000
 _DIGEST_BYTES: Final = 6
 
 
-class Refusal(StrEnum):
+class Refusal(Enum):
     """Why a frame was refused."""
 
     UNSIGNED = "unsigned"
@@ -57,7 +57,7 @@ class SigningStreams:
 
 
 class LinkSigning:
-    """Signing on one link. pymavlink's parser and packer work on it, so its attributes have their names.
+    """Signing on one link. pymavlink signs outgoing frames by its attributes, so these have pymavlink's names.
 
     Args:
         secret_key: 32 bytes.
@@ -84,11 +84,8 @@ class LinkSigning:
         self.link_id = link_id
         self.timestamp = timestamp
         self.sign_outgoing = True
-        self.allow_unsigned_callback: Callable[[Any, int], bool] | None = None
-        self.sig_count = self.goodsig_count = self.badsig_count = self.unsigned_count = self.reject_count = 0
         self._streams = streams
         self._accepts_unsigned = accepts_unsigned
-        self._failure = Refusal.UNSIGNED
 
     @property
     def timestamp(self) -> int:
@@ -99,27 +96,27 @@ class LinkSigning:
     def timestamp(self, value: int) -> None:
         self._timestamp = u64(value)
 
-    def check_signature(self, frame: bytes | bytearray, system_id: int, component_id: int) -> bool:
-        """Return whether a signed frame is genuine and new; if so, this link's timestamp is not behind it any more."""
-        failure = self._failure_of(frame, system_id, component_id)
-        self._failure = failure or Refusal.UNSIGNED
-        return failure is None
+    def refusal(self, frame: bytes, message_id: int, sender: tuple[int, int], *, is_signed: bool) -> Refusal | None:
+        """Return why a frame is refused, or None if it is accepted.
 
-    def _failure_of(self, frame: bytes | bytearray, system_id: int, component_id: int) -> Refusal | None:
+        If it is genuine and new, this link's timestamp is not behind it any more.
+
+        Args:
+            frame: all of it, with its signature if it has one.
+            message_id: of its message; some need no valid signature.
+            sender: its system and component id.
+            is_signed: its flags say that it has a signature.
+        """
+        failure = self._failure_of(frame, sender) if is_signed else Refusal.UNSIGNED
+        return None if failure is None or self._accepts_unsigned(message_id) else failure
+
+    def _failure_of(self, frame: bytes, sender: tuple[int, int]) -> Refusal | None:
         digest = sha256(self.secret_key + frame[:-_DIGEST_BYTES]).digest()[:_DIGEST_BYTES]
         if not hmac.compare_digest(digest, frame[-_DIGEST_BYTES:]):
             return Refusal.BAD_SIGNATURE
         block = frame[-SIGNATURE_BLOCK_BYTES:]
         timestamp = int.from_bytes(block[1:-_DIGEST_BYTES], "little")
-        refusal = self._streams.refuse((system_id, component_id, block[0]), timestamp, self.timestamp)
+        refusal = self._streams.refuse((*sender, block[0]), timestamp, self.timestamp)
         if refusal is None:
             self.timestamp = max(self.timestamp, timestamp)
         return refusal
-
-    def refuse_unverified(self, message_id: int) -> Refusal | None:
-        """Return None if a message passes without a valid signature, else why its frame is refused.
-
-        To be asked about every frame that is unsigned or was just found wrong by ``check_signature``.
-        """
-        failure, self._failure = self._failure, Refusal.UNSIGNED
-        return None if self._accepts_unsigned(message_id) else failure

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
@@ -24,6 +23,7 @@ from mav_handlers.wire import messages as m
 from mav_handlers.wire.codec import Codec, message_id
 from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, MESSAGES, ODOMETRY, Message
 from tests.copies import Copies
+from tools.make_messages import definition
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 # A few passes of the main loop do to boot; replies need them at their real rate.
@@ -95,7 +95,7 @@ class Effect:
 
 def sample(cls: type[Message]) -> Message:
     """Return a message that does something: addressed to the vehicle, with small numbers and a parameter's name."""
-    raw = dialect.mavlink_map[message_id(cls.__name__)]
+    raw = definition(cls.__name__)
     kinds = dict(zip(raw.fieldnames, raw.fieldtypes, strict=True))
     lengths = dict(zip(raw.ordered_fieldnames, raw.array_lengths, strict=True))
 

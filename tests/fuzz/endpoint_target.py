@@ -21,7 +21,7 @@ from mav_handlers.handlers import HANDLERS
 from mav_handlers.handlers.commands import COMMANDS
 from mav_handlers.params.reads import READ_QUEUE_LENGTH
 from mav_handlers.statustext import QUEUE_CAPACITY
-from mav_handlers.wire.codec import message_id
+from mav_handlers.wire.codec import DRAFTS, message_id
 from viso.logs.files import LogStore
 from viso.logs.sink import MemoryLog
 from viso.parameters.table import make_groups
@@ -32,7 +32,8 @@ LINKS = len(BAUDS)
 MAX_OPERATIONS = 60
 BOOT_US = (0, 2_500_000, 3_600_000, 5_000_000)
 HANDLED_IDS = sorted(message_id(cls.__name__) for cls in HANDLERS)
-ALL_IDS = sorted(dialect.mavlink_map)
+DEFINITIONS = {**dialect.mavlink_map, **{draft.id: draft for draft in DRAFTS}}
+ALL_IDS = sorted(DEFINITIONS)
 COMMAND_NUMBERS = sorted(COMMANDS)
 SOURCES = ((255, 190), (1, 197), (1, 1), (0, 0), (7, 1), (51, 68))
 LONGEST_REPLY_BYTES = 8 * 280
@@ -69,7 +70,7 @@ class _Reader:
 
 def frame_of(msg_id: int, payload: bytes, source: tuple[int, int], sequence: int, version: int) -> bytes:
     """Return a frame with the right checksum; version 1 is for ids below 256, and its payload has its full length."""
-    cls = dialect.mavlink_map.get(msg_id)
+    cls = DEFINITIONS.get(msg_id)
     if version == 1:
         length = cls.unpacker.size if cls is not None else len(payload)
         body = bytes((length, sequence, *source, msg_id & 255)) + payload[:length].ljust(length, b"\0")

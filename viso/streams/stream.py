@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from mav_handlers.wire.codec import Codec, Received, message_id
-from mav_handlers.wire.frames import MARKER_V1
+from mav_handlers.wire.codec import MARKER_V1, Codec, Received, message_id
 from mav_handlers.wire.messages import Message
 from viso.firmware.flown import FlownVersion
 

@@ -19,6 +19,7 @@ from mav_handlers.signing import (
     SigningState,
 )
 from mav_handlers.verdicts import (
+    BAD_DATA_VERDICTS,
     BAD_SIGNATURE,
     HANDLED,
     KEY_NOT_SAVED,
@@ -27,11 +28,10 @@ from mav_handlers.verdicts import (
     SIGNATURE_REPLAYED,
     SIGNATURE_STREAMS,
     UNSIGNED,
-    signing_verdict,
 )
 from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import SETUP_SIGNING, SYSTEM_TIME
-from mav_handlers.wire.signature import MAX_SIGNING_STREAMS, MINUTE_IN_TIMESTAMPS, LinkSigning, SigningStreams
+from mav_handlers.wire.signature import MAX_SIGNING_STREAMS, MINUTE_IN_TIMESTAMPS, LinkSigning, Refusal, SigningStreams
 
 KEY = bytes(range(32))
 OTHER_KEY = bytes(32 - n for n in range(32))
@@ -95,9 +95,8 @@ class Links:
         result = codec.next_received()
         assert codec.next_received() is None
         if isinstance(result, BadData):
-            verdict = signing_verdict(result.reason)
-            assert verdict is not None
-            return verdict
+            assert isinstance(result.reason, Refusal)
+            return BAD_DATA_VERDICTS[result.reason]
         assert result is not None
         return result
 
@@ -427,7 +426,3 @@ def test_time_of_day_does_not_move_timestamps_back(links: Links) -> None:
 def test_key_of_another_length_is_misuse() -> None:
     with pytest.raises(ValueError, match="32 bytes, not 31"):
         LinkSigning(bytes(31), 0, 0, SigningStreams(), lambda _: False)
-
-
-def test_other_bad_data_has_no_signing_verdict() -> None:
-    assert signing_verdict("Bad prefix") is None

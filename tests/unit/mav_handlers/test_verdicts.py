@@ -1,14 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The endpoint's rules, and which of them bad bytes meet."""
-
-import pytest
+"""The endpoint's rules."""
 
 from ap_core.verdict import Outcome, Verdict
 from ap_visualodom import verdicts as port
 from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN, RESET_SETTLING
 from mav_handlers import verdicts as endpoint
-from mav_handlers.verdicts import ALL_VERDICTS, BAD_CRC, BAD_FRAME, BAD_PREFIX, HANDLED, bad_data_verdict
+from mav_handlers.verdicts import ALL_VERDICTS, HANDLED
 
 
 def test_codes_are_unique_among_all_rules() -> None:
@@ -24,16 +22,3 @@ def test_none_is_left_out() -> None:
 def test_all_other_rules_drop_the_message() -> None:
     others = [verdict for verdict in ALL_VERDICTS if verdict.outcome is not Outcome.DROPPED]
     assert others == [CONSUMED, QUALITY_BELOW_MIN, RESET_SETTLING, HANDLED]
-
-
-@pytest.mark.parametrize(
-    ("reason", "verdict"),
-    [
-        ("Bad prefix", BAD_PREFIX),
-        ("invalid MAVLink CRC in msgID 0 0x0000 should be 0x1234", BAD_CRC),
-        ("invalid incompat_flags 0x2 0xfd 21", BAD_FRAME),
-        ("something new", BAD_FRAME),
-    ],
-)
-def test_words_of_the_parser_name_the_rule(reason: str, verdict: Verdict) -> None:
-    assert bad_data_verdict(reason) is verdict

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mav_handlers.handlers import VISION_MESSAGES
-from mav_handlers.verdicts import BAD_CRC, bad_data_verdict
-from mav_handlers.wire.codec import BadData, Codec, message_name
+from mav_handlers.verdicts import BAD_CRC
+from mav_handlers.wire.codec import BadData, Codec, Defect, message_name
 from viso.doctor.evidence.motion import Motion, motions_of
 from viso.doctor.evidence.tracks import (
     HandledMessage,
@@ -123,7 +123,7 @@ def refused_kinds(stream: Stream) -> tuple[FrameKind, ...]:
             ids = _ids(message.frame)
             if not isinstance(received, BadData):
                 sound[ids] += 1
-            elif bad_data_verdict(received.reason) is BAD_CRC:
+            elif received.reason is Defect.CRC:
                 refused[ids].append(number)
     return tuple(
         FrameKind(message_name(ids[0]) or f"message {ids[0]}", ids[1], ids[2], sound[ids], numbers)

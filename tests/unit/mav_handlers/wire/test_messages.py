@@ -6,13 +6,9 @@ from dataclasses import MISSING, FrozenInstanceError, fields
 from typing import Any
 
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from mav_handlers.wire.messages import HEARTBEAT, MESSAGES, Message
-
-
-def definition(cls: type[Message]) -> Any:
-    return next(known for known in dialect.mavlink_map.values() if known.msgname == cls.__name__)
+from tools.make_messages import definition
 
 
 def fields_of(cls: type[Message]) -> tuple[Any, ...]:
@@ -21,7 +17,7 @@ def fields_of(cls: type[Message]) -> tuple[Any, ...]:
 
 def test_fields_are_those_of_the_definition_in_its_order() -> None:
     ours = {cls.__name__: [field.name for field in fields_of(cls)] for cls in MESSAGES.values()}
-    assert ours == {cls.__name__: definition(cls).fieldnames for cls in MESSAGES.values()}
+    assert ours == {cls.__name__: definition(cls.__name__).fieldnames for cls in MESSAGES.values()}
 
 
 def test_extension_fields_come_last_and_are_zero_by_default() -> None:
@@ -35,7 +31,9 @@ def test_extension_fields_come_last_and_are_zero_by_default() -> None:
 
 def test_default_of_an_array_has_its_length() -> None:
     for cls in MESSAGES.values():
-        lengths = dict(zip(definition(cls).ordered_fieldnames, definition(cls).array_lengths, strict=True))
+        lengths = dict(
+            zip(definition(cls.__name__).ordered_fieldnames, definition(cls.__name__).array_lengths, strict=True)
+        )
         arrays = {field.name: len(field.default) for field in fields_of(cls) if isinstance(field.default, tuple)}
         assert arrays == {name: lengths[name] for name in arrays}, cls
 
