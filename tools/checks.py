@@ -112,7 +112,7 @@ STEPS = (
     Step("house", "circles of imports, gaps in the plans of rooms", _fixed(_module("tools.house"))),
     Step("traces", "registry hosts and machine paths", _fixed(_module("tools.check_traces"))),
     Step("prose", "plain English in pages and docstrings", _fixed(_module("tools.prose"))),
-    Step("docs", "generated tables, pictures and code are current", _docs),
+    Step("docs", "generated tables and code are current", _docs),
     Step("clients", "the environment of the interop tests", _clients),
     Step("tests", "pytest, with everything also branch coverage", _tests),
     Step("pure", "the parity tests with the interpreted filter", _pure),

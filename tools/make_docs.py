@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes the tables of the documentation from the tables of the code, and draws the pictures that are made by code.
+"""Writes the tables of the documentation from the tables of the code.
 
 A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`, sections between `<!-- text: NAME -->` and
 `<!-- end -->`; all else in a page is left alone.
-`make_docs.py` rewrites them, `make_docs.py --check` fails when one is stale; with `--terminals` it runs the commands
-whose terminals are shown, too.
+`make_docs.py` rewrites them, `make_docs.py --check` fails when one is stale.
 """
 
 import ast
@@ -36,7 +35,7 @@ from mav_handlers.senders import SENDERS, STREAM_GROUPS, inertial, nothing_to_re
 from mav_handlers.verdicts import ALL_VERDICTS
 from mav_handlers.wire.codec import full_length, message_id
 from mav_handlers.wire.messages import MESSAGES
-from tools import ekf_sources, pictures, rooms_picture, terminal_picture
+from tools import ekf_sources
 from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import make_app
 from viso.companion.engine import protocol as engine_protocol
@@ -470,18 +469,35 @@ def _web_faults() -> Iterator[tuple[str, ...]]:
         yield switch.label, switch.about
 
 
-def _plan() -> rooms_picture.Room:
+def _layers() -> dict[str, list[list[str]]]:
+    """Return the layers of each package, and of "" those of the packages, by the contracts of import-linter."""
     project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))
-    return rooms_picture.rooms(project["tool"]["importlinter"])
+    return {
+        container: [layer.split(" | ") for layer in contract["layers"]]
+        for contract in project["tool"]["importlinter"]["contracts"]
+        for container in contract.get("containers", [""])
+        if contract["type"] == "layers"
+    }
 
 
-def _rooms(house: rooms_picture.Room | None = None, above: str = "") -> Iterator[tuple[str, ...]]:
-    for room in itertools.chain(*(house or _plan()).layers):
-        place = DOCS.parent / above / room.name
+def _layer_section() -> Iterator[str]:
+    plans = {name or "packages": layers for name, layers in _layers().items()}
+    width = max(map(len, plans))
+    lines = [
+        f"{'' if row else name:{width}}  {' | '.join(layer)}"
+        for name, layers in plans.items()
+        for row, layer in enumerate(layers)
+    ]
+    yield "```text\n" + "\n".join(lines) + "\n```\n"
+
+
+def _rooms(above: str = "") -> Iterator[tuple[str, ...]]:
+    for name in itertools.chain(*_layers().get(above.strip("/").replace("/", "."), [])):
+        place = DOCS.parent / above / name
         file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
         text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
-        yield f"`{above}{file.name if file.parent != place else room.name + '/'}`", text.partition("\n")[0]
-        yield from _rooms(room, f"{above}{room.name}/")
+        yield f"`{above}{file.name if file.parent != place else name + '/'}`", text.partition("\n")[0]
+        yield from _rooms(f"{above}{name}/")
 
 
 TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
@@ -536,6 +552,7 @@ TEXTS: Final[Mapping[str, Callable[[], Iterable[str]]]] = {
     "command_sections": _command_sections,
     "doctor_sections": _doctor_sections,
     "engine_protocol": _engine_protocol,
+    "layers": _layer_section,
 }
 
 
@@ -563,21 +580,18 @@ def _block(kind: str, name: str) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Rewrite the pages and the pictures, or with --check tell which are stale; return the exit code."""
-    pages = {page: page.read_text(encoding="utf-8") for page in sorted(DOCS.rglob("*.md"))}
-    shown = [*pictures.drawn(), *(terminal_picture.taken() if "--terminals" in arguments else ())]
-    drawn = {DOCS / "images" / name: picture for name, picture in shown}
-    drawn[DOCS / "images" / "rooms.svg"] = rooms_picture.draw(_plan())
-    made = {page: refresh(text) for page, text in pages.items()} | drawn
-    stale = []
-    for path, after in made.items():
-        if not path.exists() or path.read_text(encoding="utf-8") != after:
-            stale.append(path.relative_to(DOCS.parent))
-            if "--check" not in arguments:
+    """Rewrite the pages, or with --check name those that are stale; return the exit code."""
+    is_check, code = "--check" in arguments, 0
+    for path in sorted(DOCS.rglob("*.md")):
+        before = path.read_text(encoding="utf-8")
+        after = refresh(before)
+        if after != before:
+            print(f"{path.relative_to(DOCS.parent)}: {'stale, run tools/make_docs.py' if is_check else 'rewritten'}")
+            if is_check:
+                code = 1
+            else:
                 path.write_text(after, encoding="utf-8")
-    for path in stale:
-        print(f"{path}: {'stale, run tools/make_docs.py' if '--check' in arguments else 'rewritten'}")
-    return int(bool(stale) and "--check" in arguments)
+    return code
 
 
 if __name__ == "__main__":

@@ -23,7 +23,6 @@ ROOT_PAGES: Final = ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")
 # Who searches has a trouble more often than a program to write.
 BOOSTS: Final = {"why.md": 4.0, "arming.md": 3.0, "start.md": 2.0, "api.md": 0.01, "CHANGELOG.md": 0.01}
 _LINK: Final = re.compile(r"(?<!!)\[([^\]]+)\]\((?!\w+:|#)([^)#\s]+)(#[^)\s]*)?\)")
-_PICTURE: Final = re.compile(r'<picture><source [^>]*srcset="([^"]+)"><img src="([^"]+)" alt="([^"]+)"></picture>')
 _ENTRY: Final = re.compile(r"^    (\w+(?:, \w+)+): (.*(?:\n {8}.*)*)", re.MULTILINE)
 
 
@@ -35,10 +34,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Return a page whose links lead to pages and files of the site, and say where search lists it.
-
-    A picture for a dark and a light system becomes one for the palette that the reader has chosen.
-    """
+    """Return a page whose links lead to pages and files of the site, and say where search lists it."""
     name = page.file.src_uri
     page.meta["search"] = {"boost": BOOSTS.get(name, 1.0)}
     folder = "" if name in ROOT_PAGES else "docs"
@@ -51,7 +47,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         named = text if path in text else f"{text} (`{path}`)"
         return named if is_elsewhere else f"[{text}]({page_or_file}{anchor})"
 
-    return _PICTURE.sub(r"![\3](\2#only-light)![\3](\1#only-dark)", _LINK.sub(linked, markdown))
+    return _LINK.sub(linked, markdown)
 
 
 class Docstrings(griffe.Extension):
