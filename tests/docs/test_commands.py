@@ -22,7 +22,7 @@ PAGES = ["README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for
 # What is in commands that are not run here, and what they would want.
 NOT_HERE = {
     r"tools/check|-n 2": "minutes: all tests, this one among them",
-    r"tools\.(bench|soak|siege|fuzz)|speed\.json": "minutes to an hour",
+    r"tools\.bench|speed\.json|build/fuzz": "minutes to an hour",
     r"pip install": "a download",
     r"MH_01_easy": "a recording of EuRoC",
     r"flight\.mp4|GOPR0042|rtsp:": "a video or a camera",

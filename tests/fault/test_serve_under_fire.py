@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`viso serve` over real sockets: dying clients, one that reads nothing, a log without space, and `kill -9`."""
+"""`viso serve` over real sockets: dying clients, floods, one that reads nothing, a log without space, and `kill -9`."""
 
 import json
 import random
@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 import pytest
@@ -283,5 +284,57 @@ def test_connections_that_ask_for_nothing_cost_others_nothing(tmp_path: Path, ta
             connection.close()
         _, said = server.stop()
     assert open_descriptors < DESCRIPTORS
+    assert "Traceback" not in said
+    assert last_log_times(tmp_path)
+
+
+def any_frames(source: random.Random) -> bytes:
+    """Return frames of every kind with random contents, but those that are obeyed without being a fault."""
+    mav, frames = mavlink2.MAVLink(None, 255, 190), b""
+    for kind in mavlink2.mavlink_map.values():
+        if kind.msgname not in ("COMMAND_LONG", "COMMAND_INT", "SETUP_SIGNING", "PARAM_SET"):
+            message = mavlink2.MAVLink_message(kind.id, kind.msgname)
+            frames += message._pack(mav, kind.crc_extra, source.randbytes(kind.unpacker.size))
+    return frames
+
+
+def samples() -> bytes:
+    """Return ODOMETRY at rest, 100 messages."""
+    mav, at_rest = mavlink2.MAVLink(None, 255, 197), (0, 0, 0, [1, 0, 0, 0], 0, 0, 0, 0, 0, 0, [0.01] * 21, [0.01] * 21)
+    stamps_us = range(0, 1_000_000, 10_000)
+    return b"".join(mavlink2.MAVLink_odometry_message(us, 20, 12, *at_rest, 0, 3, 90).pack(mav) for us in stamps_us)
+
+
+def flood(connect: Callable[[], socket.socket], data: bytes, stop: Event) -> None:
+    """Send as fast as the other end takes it, and connect again when it has had enough."""
+    while not stop.wait(0.01):
+        with suppress(OSError), connect() as client:
+            while not stop.is_set():
+                client.sendall(data)
+
+
+def test_floods_of_links_and_page_keep_nobody_waiting(tmp_path: Path) -> None:
+    source, stop = random.Random(5), Event()
+    web_port = free_port(socket.SOCK_STREAM)
+    options = ("--web", f"127.0.0.1:{web_port}", "--speedup", "1")
+    with serving(tmp_path, START, *options) as server, Watcher(server) as watcher:
+        watcher.wait_beats(3)
+        page = ("127.0.0.1", web_port)
+        floods = [(server.connect, data) for data in (samples(), any_frames(source), source.randbytes(65536))]
+        floods.append((lambda: socket.create_connection(page, LIMIT_S), b"GET / HTTP/1.1\r\n" + source.randbytes(4000)))
+        threads = [Thread(target=flood, args=(*one, stop)) for one in floods]
+        for thread in threads:
+            thread.start()
+        try:
+            watcher.wait_beats(5)
+            watcher.wait(lambda message: message.get_type() == "PARAM_VALUE", read_request(b"VISO_TYPE"))
+        finally:
+            stop.set()
+            for thread in threads:
+                thread.join(LIMIT_S)
+        counts, said = server.stop()
+    assert watcher.seen["BAD_DATA"] == 0
+    assert counts["ODOMETRY", "consumed"] > 100
+    assert counts["BAD_DATA", "bad_prefix"] > 10_000
     assert "Traceback" not in said
     assert last_log_times(tmp_path)

@@ -1,9 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Five minutes of ODOMETRY at 200 Hz and telemetry on two links, in virtual time: nothing lost, nothing grows.
-
-``python -m tools.soak`` does the same in real time over UDP.
-"""
+"""Five minutes of ODOMETRY at 200 Hz and telemetry on two links, in virtual time: nothing lost, nothing grows."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fuzz a target, guided by coverage; ``python -m tools.fuzz`` starts this where atheris is installed.
+"""Fuzz a target, guided by coverage; docs/robustness.md says how to install atheris and to start this.
 
 ``fuzz.py endpoint|files [libFuzzer options] [corpus folders]``
 """
