@@ -29,7 +29,7 @@ from tests.unit.viso.companion.vio.strategy_rig import (
 from viso.companion.vio.config import EngineConfig, VioConfig
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.frames import MOUNTINGS
-from viso.companion.vio.json_log import compact_json
+from viso.companion.vio.log import compact_json
 from viso.companion.vio.registry import STRATEGIES, build_vio_strategy
 from viso.companion.vio.result import Degraded, Initializing, Lost, Result
 from viso.companion.vio.types import (

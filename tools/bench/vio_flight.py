@@ -12,8 +12,8 @@ import cv2
 from viso.companion.strategies.klt_ransac import KltRansac
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, Scene, VioConfig
-from viso.companion.vio.imu_buffer import ImuBuffer
-from viso.companion.vio.strategy import StrategyContext
+from viso.companion.vio.imu import ImuBuffer
+from viso.companion.vio.pipeline import StrategyContext
 from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent
 from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.texture import GroundTexture

@@ -12,9 +12,9 @@ from viso.companion.vio.errors import (
     VioFatalError,
 )
 from viso.companion.vio.health import FrameFacts, Growth
+from viso.companion.vio.pipeline import StrategyBase, StrategyContext
 from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy
 from viso.companion.vio.result import Degraded, Initializing, Lost, Result, Tracking
-from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
     FeatureQuality,

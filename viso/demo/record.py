@@ -150,7 +150,7 @@ class LoopRecorder(logging.Handler):
         self._note(COMPANION, _SEVERITIES.get(record.levelno, 6), record.getMessage())
 
     def take_result(self, result: Result) -> None:
-        """Note the state after a frame (a listener of the companion's worker)."""
+        """Note the state after a frame (a listener of the companion's pipeline)."""
         self.record.health.append(Health(self._now_us(), result.state))
 
     def _of_filter(self) -> tuple[Three | None, tuple[float, float] | None]:

@@ -12,7 +12,7 @@ from viso.companion.msckf.held_points import FEWEST_HELD, HeldPoints
 from viso.companion.msckf.multi_state import Below, Plane, TracksUsed, parallax_of, relief_of, use_tracks
 from viso.companion.msckf.tracks import RIPE, TrackBook, padded
 from viso.companion.msckf.window_filter import VEL, WindowFilter, sigma_of
-from viso.companion.vio.imu_window import bracketed
+from viso.companion.vio.imu import bracketed
 from viso.companion.vio.types import ImuWindow
 from viso.geometry.se3 import SE3
 

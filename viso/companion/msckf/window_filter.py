@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.imu_window import ImuSteps, steps_between
+from viso.companion.vio.imu import ImuSteps, steps_between
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 from viso.geometry.se3 import SE3, Array, right_jacobian, skew, so3_exp

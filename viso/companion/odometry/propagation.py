@@ -11,7 +11,7 @@ import numpy as np
 from viso.companion.odometry.composer import LocalPose
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.imu import steps_of
 from viso.companion.vio.preintegration import PreintegratedDelta, preintegrate
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 from viso.geometry.se3 import SE3, Array, skew

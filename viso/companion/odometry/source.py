@@ -16,8 +16,8 @@ from viso.companion.odometry.composer import JUMP_M, LocalPose, OdometryComposer
 from viso.companion.odometry.message import odometry_message
 from viso.companion.odometry.propagation import MotionState, OdometryPropagator
 from viso.companion.vio.config import LocalAlignment, VioConfig
-from viso.companion.vio.result import Initializing, Lost, Result
-from viso.companion.vio.types import FeatureQuality, ImuSample, VioOutput, VioState
+from viso.companion.vio.result import Degraded, Initializing, Lost, Result, Tracking
+from viso.companion.vio.types import FeatureQuality, ImuSample, VioState
 from viso.geometry.se3 import Array
 
 QUALITY_LOST: Final = -1
@@ -26,15 +26,6 @@ FULL_COVERAGE: Final = 0.6
 JUMP_SIGMAS: Final = 3.0
 DEGRADED_AFTER_NS: Final = 1_000_000_000
 LOST_AFTER_NS: Final = 3_000_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class _Frame:
-    """The last frame with an output."""
-
-    t_ns: int
-    features: FeatureQuality
-    innovation_ratio: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +104,7 @@ class OdometrySource:
         self._lock = Lock()
         self.counters: Counter[str] = Counter()
         self._health = VioState.INIT
-        self._frame: _Frame | None = None
+        self._frame: Tracking | Degraded | None = None  # the last one with an output that was used
         self._loss: _Loss | None = None
         self._initialising = True
         self._warm = False
@@ -126,7 +117,7 @@ class OdometrySource:
                 self.counters["imu_refused_not_later"] += 1
 
     def take_result(self, result: Result) -> None:
-        """Take the result of a frame (a listener of the worker)."""
+        """Take the result of a frame (a listener of the pipeline)."""
         with self._lock:
             self._health = result.state
             if isinstance(result, Initializing):
@@ -136,8 +127,7 @@ class OdometrySource:
             elif self._frame is not None and result.t_ns <= self._frame.t_ns:
                 self.counters["frames_refused_not_later"] += 1
             else:
-                frame = _Frame(result.t_ns, result.output.feature_quality, result.innovation_ratio)
-                self.counters[self._take_output(frame, result.output)] += 1
+                self.counters[self._take_output(result)] += 1
 
     def message(self, now_us: int) -> ODOMETRY | None:
         """Return the message to be sent at a time, or None if there is nothing to say."""
@@ -146,7 +136,7 @@ class OdometrySource:
             if frame is None or alignment is None or newest is None:
                 return None
             health = self._health_at(now_us * 1000, frame, newest.pose)
-            quality = quality_of(health, frame.features, frame.innovation_ratio)
+            quality = quality_of(health, frame.output.feature_quality, frame.innovation_ratio)
             state = self._state_to_send(health, newest, now_us)
             if quality is None or state is None:
                 return None
@@ -160,8 +150,9 @@ class OdometrySource:
                 time_us=now_us if health is VioState.LOST else None,
             )
 
-    def _take_output(self, frame: _Frame, output: VioOutput) -> str:
-        if not self._prepare(frame, output):
+    def _take_output(self, frame: Tracking | Degraded) -> str:
+        output = frame.output
+        if not self._prepare(frame):
             return "frames_waiting_for_north"
         pose = self._composer.compose(output)
         if pose is None:
@@ -176,9 +167,9 @@ class OdometrySource:
         self._frame, self._initialising, self._jumps = frame, False, self._composer.jumps
         return "frames"
 
-    def _prepare(self, frame: _Frame, output: VioOutput) -> bool:
+    def _prepare(self, frame: Tracking | Degraded) -> bool:
         """See to it that the output's keyframe has a place in the local frame; say whether it has."""
-        composer, last = self._composer, self._propagator.state()
+        composer, output, last = self._composer, frame.output, self._propagator.state()
         if last is None:
             return composer.anchor(output, self._yaw_at(frame.t_ns))
         if self._initialising and not self._warm:  # in a world of its own, at the place where it stood still
@@ -187,7 +178,7 @@ class OdometrySource:
             composer.restart(output, LocalPose(composer.place_in_world(output), last.pose.covariance_6x6))
         return True
 
-    def _health_at(self, now_ns: int, frame: _Frame, pose: LocalPose) -> VioState:
+    def _health_at(self, now_ns: int, frame: Tracking | Degraded, pose: LocalPose) -> VioState:
         if self._health not in (VioState.TRACKING, VioState.DEGRADED):
             return self._health
         age_ns = now_ns - frame.t_ns

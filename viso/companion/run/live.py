@@ -19,9 +19,8 @@ from viso.companion.run.log import VioLog
 from viso.companion.sources.base import Recording
 from viso.companion.sources.camera import LiveCamera
 from viso.companion.vio.config import LocalAlignment, VioConfig
-from viso.companion.vio.imu_buffer import ImuBuffer
-from viso.companion.vio.ingest import FrameSource
-from viso.companion.vio.runtime import VioRuntime
+from viso.companion.vio.imu import ImuBuffer
+from viso.companion.vio.runtime import FrameSource, VioRuntime
 from viso.companion.vio.types import HeightMeasurement, ImuSample
 
 NOW_NS: Final = time.monotonic_ns
@@ -96,7 +95,7 @@ class LiveVio:
             listeners=(self._odometry.take_result, log.take),
         )
         if isinstance(source, Recording) and source.start is not None:
-            self._runtime.worker.request_warm_start(source.start)
+            self._runtime.pipeline.request_warm_start(source.start)
         self._sender = None if link is None else self._made_sender(link, inbound, streams)
 
     def _made_sender(self, link: Link, inbound: FcInbound, streams: Mapping[str, float]) -> OdometrySender:
@@ -156,7 +155,7 @@ class LiveVio:
 
     def take_height(self, height: HeightMeasurement) -> None:
         """Take a height above ground."""
-        self._runtime.worker.strategy.add_height(height.t_ns, height.height_m, height.sigma_m)
+        self._runtime.pipeline.strategy.add_height(height.t_ns, height.height_m, height.sigma_m)
 
     def _is_over(self, end_ns: int | None) -> bool:
         if self._feed is not None:

@@ -50,7 +50,7 @@ class LoggedFrame:
 
 
 class VioLog:
-    """Remembers all frames; a listener of the worker.
+    """Remembers all frames; a listener of the pipeline.
 
     Attributes:
         shift_ns: what was added to the source's stamps; it is taken off again.

@@ -19,7 +19,7 @@ from viso.companion.sources.base import Recording, SourceError
 from viso.companion.sources.camera import LiveCamera
 from viso.companion.trials.trial import run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
-from viso.companion.vio.json_log import JsonFormatter
+from viso.companion.vio.log import JsonFormatter
 from viso.companion.vio.types import NavCameraFrame, SensorEvent
 from viso.errors import InputError, told_errors
 from viso.files.text_files import write_text

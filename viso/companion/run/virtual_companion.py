@@ -17,7 +17,8 @@ from viso.companion.odometry.sender import OdometrySender
 from viso.companion.odometry.source import OdometrySource
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.frames import ENU_TO_NED
-from viso.companion.vio.imu_buffer import ImuBuffer
+from viso.companion.vio.imu import ImuBuffer
+from viso.companion.vio.pipeline import Listener, VioPipeline
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.types import (
     HeightMeasurement,
@@ -27,7 +28,6 @@ from viso.companion.vio.types import (
     SensorEvent,
     WarmStartPose,
 )
-from viso.companion.vio.worker import Listener, VioWorker
 from viso.companion.world.flight import SyntheticFlight
 from viso.geometry.se3 import SE3, Array
 
@@ -108,7 +108,7 @@ class VirtualCompanion:
         self._strategy = build_vio_strategy(config, flight.calibration, lambda: self._now_ns, logger)
         self.autopilot = AutopilotState(clock, flight.truth(flight.start_ns).t)
         self.source = OdometrySource(config, local_alignment=config.odometry.local_alignment, world_is_north=True)
-        self.worker = VioWorker(self._strategy, self._imu, (self.source.take_result, *listeners))
+        self.pipeline = VioPipeline(self._strategy, self._imu, (self.source.take_result, *listeners))
         self.sender = OdometrySender(
             link,
             self.source.message,
@@ -161,9 +161,9 @@ class VirtualCompanion:
         pose = None if self._start is None else self._start(frame.capture_timestamp)
         if pose is not None:
             self._start, self._has_world = None, True
-            self.worker.request_warm_start(pose)
+            self.pipeline.request_warm_start(pose)
         if self._has_world:  # else it would begin in one of its own, without a north
-            self.worker.process(frame)
+            self.pipeline.process(frame)
 
 
 def _arrivals(flight: SyntheticFlight) -> Iterator[tuple[int, SensorEvent]]:

@@ -25,7 +25,7 @@ from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smo
 from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError, preintegrated
 from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, MIN_PARALLAX_RAD, LandmarkBook
 from viso.companion.vio.config import ImuNoise
-from viso.companion.vio.imu_window import bracketed
+from viso.companion.vio.imu import bracketed
 from viso.companion.vio.types import ImuSample, ImuWindow
 from viso.geometry.se3 import SE3, Array
 

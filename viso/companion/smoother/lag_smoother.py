@@ -15,7 +15,7 @@ import numpy as np
 
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.imu_window import steps_between
+from viso.companion.vio.imu import steps_between
 from viso.companion.vio.types import ImuBias, ImuSample
 from viso.extras import pip_install
 from viso.geometry.se3 import SE3, Array

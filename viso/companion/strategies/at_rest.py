@@ -10,7 +10,7 @@ from viso.companion.klt.front_end import FrontEnd
 from viso.companion.msckf.stillness import Stillness, level_rotation
 from viso.companion.msckf.window_filter import default_cov
 from viso.companion.vio.config import ImuNoise, VioConfig
-from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.imu import steps_of
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.types import CameraCalibration, ImuBias, ImuWindow, Pixels, WarmStartPose
 from viso.geometry.se3 import SE3, Array

@@ -28,11 +28,11 @@ from viso.companion.vio.config import AglSource, ImuNoise, Scene
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.health import FrameFacts, Growth
-from viso.companion.vio.imu_window import IMU_EMPTY, median_period_ns, steps_of, window_fault
-from viso.companion.vio.json_log import log_event
+from viso.companion.vio.imu import IMU_EMPTY, median_period_ns, steps_of, window_fault
+from viso.companion.vio.log import log_event
+from viso.companion.vio.pipeline import StrategyBase, StrategyContext
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.result import Result
-from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
     FeatureQuality,
     ImuBias,

@@ -24,9 +24,9 @@ from viso.companion.strategies.at_rest import state_at_rest, turn_of_camera
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, Scene
 from viso.companion.vio.health import FrameFacts, Growth
-from viso.companion.vio.imu_window import ImuPeriod
+from viso.companion.vio.imu import ImuPeriod
+from viso.companion.vio.pipeline import StrategyBase, StrategyContext
 from viso.companion.vio.result import Result
-from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
     FeatureQuality,
     ImuBias,

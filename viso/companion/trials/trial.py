@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Final, Protocol
 
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.imu_buffer import ImuBuffer
+from viso.companion.vio.imu import ImuBuffer
+from viso.companion.vio.pipeline import Listener, VioPipeline
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.result import Result
 from viso.companion.vio.types import CameraCalibration, ImuSample, NavCameraFrame, SensorEvent, WarmStartPose
-from viso.companion.vio.worker import Listener, VioWorker
 
 _LOGGER: Final = logging.getLogger(__name__)
 
@@ -49,9 +49,9 @@ def run_through(
     clock_ns = clock_ns or (lambda: newest_ns)
     buffer = ImuBuffer(wait=lambda *_: None)  # what there will be is there
     strategy = build_vio_strategy(config, source.calibration, clock_ns, logger)
-    worker = VioWorker(strategy, buffer, listeners)
+    pipeline = VioPipeline(strategy, buffer, listeners)
     if warm_start is not None:
-        worker.request_warm_start(warm_start)
+        pipeline.request_warm_start(warm_start)
     with contextlib.closing(strategy):
         for event in source.events():
             newest_ns = max(newest_ns, event.t_ns)
@@ -59,5 +59,5 @@ def run_through(
                 buffer.add(event)
             elif not isinstance(event, NavCameraFrame):
                 strategy.add_height(event.t_ns, event.height_m, event.sigma_m)
-            elif (result := worker.process(event)) is not None:
+            elif (result := pipeline.process(event)) is not None:
                 yield result

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.imu_window import IMU_EMPTY
+from viso.companion.vio.imu import IMU_EMPTY
 from viso.companion.vio.types import VioHealth, VioState
 
 MIN_COVERAGE: Final = 0.25

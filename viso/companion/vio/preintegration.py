@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from viso.companion.vio.config import ImuNoise
-from viso.companion.vio.imu_window import ImuSteps
+from viso.companion.vio.imu import ImuSteps
 from viso.companion.vio.types import ImuBias
 from viso.geometry.se3 import Array, read_only, skews
 

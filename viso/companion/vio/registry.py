@@ -11,8 +11,8 @@ from typing import Final, cast
 from ap_core.plugins import with_plugins
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
-from viso.companion.vio.json_log import log_event
-from viso.companion.vio.strategy import StrategyBase, StrategyContext
+from viso.companion.vio.log import log_event
+from viso.companion.vio.pipeline import StrategyBase, StrategyContext
 from viso.companion.vio.types import CameraCalibration
 from viso.extras import pip_install
 

@@ -1,24 +1,219 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The composition root: a source of frames, a queue, a worker with its strategy, and whoever listens."""
+"""Visual-inertial odometry in two threads: one reads the camera and never waits, one processes frames."""
 
 import logging
+import threading
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
-from typing import Self
+from typing import Final, Protocol, Self
 
 from viso.companion.vio.config import VioConfig
-from viso.companion.vio.imu_buffer import ImuBuffer
-from viso.companion.vio.ingest import JOIN_S, CameraIngest, DropOldestQueue, FrameSource
-from viso.companion.vio.json_log import log_event
+from viso.companion.vio.imu import ImuBuffer
+from viso.companion.vio.log import log_event
+from viso.companion.vio.pipeline import Listener, VioPipeline
 from viso.companion.vio.registry import build_vio_strategy
-from viso.companion.vio.types import CameraCalibration
-from viso.companion.vio.worker import Listener, VioWorker
+from viso.companion.vio.types import CameraCalibration, NavCameraFrame
+
+STALL_S: Final = 3.0  # as long as the frames that are fatal when lost take at 3 Hz
+JOIN_S: Final = 1.0  # for each of two threads: both are gone within 2 s
+
+
+class FrameSource(Protocol):
+    """A camera, a folder of images, a video."""
+
+    def read(self) -> NavCameraFrame | None:
+        """Wait for the next frame; None when there will be no more.
+
+        Raises:
+            Exception: whatever goes wrong; the source is not asked again. Once ``close`` was called, that is no fault.
+        """
+
+    def close(self) -> None:
+        """Let go of the device; from any thread, also twice. A ``read`` under way returns or raises."""
+
+
+class DropOldestQueue:
+    """Frames on their way; when it is full, the oldest gives way to the new one.
+
+    Attributes:
+        dropped: how many frames gave way to newer ones.
+        closed: whether no more frames come.
+    """
+
+    def __init__(self, depth: int = 1) -> None:
+        if depth < 1:
+            raise ValueError("depth: below 1")
+        self._frames: deque[NavCameraFrame] = deque()
+        self._depth = depth
+        self._changed = threading.Condition()
+        self.closed = False
+        self.failure: str | None = None
+        self.dropped = 0
+
+    def put(self, frame: NavCameraFrame) -> None:
+        """Append a frame; never waits for room."""
+        with self._changed:
+            self._drop_all_but(self._depth - 1)
+            self._frames.append(frame)
+            self._changed.notify()
+
+    def get(self, timeout_s: float | None = None) -> NavCameraFrame | None:
+        """Wait for a frame and return the newest; those before it are dropped.
+
+        Returns:
+            The frame, or None if there was none in time, or the queue is closed and empty.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._frames or self.closed, timeout_s)
+            self._drop_all_but(1)
+            return self._frames.popleft() if self._frames else None
+
+    def close(self, failure: str | None = None) -> None:
+        """Let ``get`` return at once from now on, when there is nothing left."""
+        with self._changed:
+            self.failure = self.failure or failure
+            self.closed = True
+            self._changed.notify_all()
+
+    def _drop_all_but(self, count: int) -> None:
+        while len(self._frames) > count:
+            self._frames.popleft()
+            self.dropped += 1
+
+
+class CameraIngest:
+    """A thread that reads frames from a source into a queue until either side ends it.
+
+    Args:
+        source: read by this thread alone.
+        queue: closed when the source ends.
+
+    Attributes:
+        counters: ``frames`` read, ``failed`` and ``ended`` sources.
+    """
+
+    def __init__(self, source: FrameSource, queue: DropOldestQueue, logger: logging.Logger) -> None:
+        self._source = source
+        self._queue = queue
+        self._logger = logger
+        self._stop = threading.Event()
+        self.counters = Counter(frames=0, failed=0, ended=0)
+        self._thread = threading.Thread(target=self.run, name="vio-camera", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ask the thread to end and let go of the source; does not wait."""
+        self._stop.set()
+        try:
+            self._source.close()
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}"
+            self._camera_event(logging.ERROR, "camera_close_failed", f"the camera could not be closed: {reason}")
+
+    def join(self, timeout_s: float | None) -> bool:
+        """Wait for the thread; say whether it has ended."""
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def run(self) -> None:
+        """Read until the source ends or fails or ``stop`` is called (what the thread does)."""
+        while not self._stop.is_set() and self._read_one():
+            pass
+        self._queue.close()
+
+    def _read_one(self) -> bool:
+        # The frame is held by this call alone: no longer when the next one is awaited.
+        try:
+            frame = self._source.read()
+        except Exception as error:
+            self._fail(f"{type(error).__name__}: {error}")
+            return False
+        if frame is None:
+            self._end()
+            return False
+        self.counters["frames"] += 1
+        self._queue.put(frame)
+        return True
+
+    def _fail(self, reason: str) -> None:
+        if not self._stop.is_set():
+            self.counters["failed"] += 1
+            self._queue.close(f"camera failed: {reason}")
+            self._camera_event(logging.ERROR, "camera_failed", f"camera failed: {reason}")
+
+    def _end(self) -> None:
+        if not self._stop.is_set():
+            self.counters["ended"] += 1
+            self._camera_event(logging.INFO, "camera_ended", "the camera has no more frames")
+
+    def _camera_event(self, level: int, event: str, msg: str) -> None:
+        log_event(self._logger, level, event, msg, self.counters)
+
+
+class VioWorker:
+    """A thread that takes frames from a queue to a pipeline until the source ends or ``stop`` is called."""
+
+    def __init__(self, pipeline: VioPipeline, queue: DropOldestQueue, logger: logging.Logger) -> None:
+        self._pipeline, self._queue, self._logger = pipeline, queue, logger
+        self._has_stalled = False  # no frame has come for long
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self.run, name="vio-worker", daemon=True)
+
+    def start(self) -> None:
+        """Begin to take frames from the queue."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ask the thread to end after the frame that it is at; does not wait."""
+        self._stop.set()
+        self._queue.close()
+
+    def join(self, timeout_s: float | None) -> bool:
+        """Wait for the thread; say whether it has ended."""
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def run(self) -> None:
+        """Process frames until the source has ended or ``stop`` is called (what the thread does)."""
+        while not self._stop.is_set() and self._take_one():
+            pass
+
+    def _take_one(self) -> bool:
+        # The frame is held by this call alone: no longer when the next one is awaited.
+        frame = self._queue.get(STALL_S)
+        if self._stop.is_set():
+            return False
+        if frame is None:
+            return self._wait_on()
+        self._has_stalled = False
+        try:
+            self._pipeline.process(frame, self._queue.dropped)
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}"
+            log_event(self._logger, logging.ERROR, "worker_failed", reason, error=error)
+            self._pipeline.halt(reason)
+        return True
+
+    def _wait_on(self) -> bool:
+        """Find out why there is no frame; say whether one may still come."""
+        if self._queue.closed:
+            if self._queue.failure is not None:
+                self._pipeline.lose(self._queue.failure)
+            return False
+        if not self._has_stalled:
+            self._has_stalled = True
+            self._pipeline.lose(f"no frame for {STALL_S:g} s")
+        return True
 
 
 class VioRuntime:
     """Visual-inertial odometry at work, in two threads: one reads the camera, one owns the strategy.
 
-    In virtual time it is not started: whoever has the clock gives the frames to ``worker.process_one``.
+    In virtual time there is none: whoever has the clock gives the frames to a ``VioPipeline``.
 
     Args:
         source: of the frames; closed by ``stop``.
@@ -44,7 +239,8 @@ class VioRuntime:
         self._logger = logger
         self._queue = DropOldestQueue(config.queue.depth)
         self._ingest = CameraIngest(source, self._queue, logger)
-        self.worker = VioWorker(strategy, imu, listeners, self._queue)
+        self.pipeline = VioPipeline(strategy, imu, listeners)
+        self._worker = VioWorker(self.pipeline, self._queue, logger)
         self._started = False
         told = {"config": config.effective(), "digest": config.digest()}
         log_event(logger, logging.INFO, "configuration", "effective configuration", told, strategy=config.strategy)
@@ -52,12 +248,12 @@ class VioRuntime:
     def start(self) -> None:
         """Begin to read the camera and to process frames."""
         self._started = True
-        self.worker.start()
+        self._worker.start()
         self._ingest.start()
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait until the source has ended and its last frame is done with; say whether that is so."""
-        return self.worker.join(timeout_s)
+        return self._worker.join(timeout_s)
 
     def stop(self, join_s: float = JOIN_S) -> bool:
         """End both threads, within 2 s; frames that still wait are not processed.
@@ -68,14 +264,14 @@ class VioRuntime:
         Returns:
             Whether both have ended: a camera that ignores ``close``, or a strategy that does not return, keeps its own.
         """
-        self.worker.stop()
+        self._worker.stop()
         self._ingest.stop()
         if not self._started:
-            self.worker.strategy.close()
+            self.pipeline.strategy.close()
             return True
-        ended = {"worker": self.worker.join(join_s), "camera": self._ingest.join(join_s)}
+        ended = {"worker": self._worker.join(join_s), "camera": self._ingest.join(join_s)}
         if ended["worker"]:
-            self.worker.strategy.close()
+            self.pipeline.strategy.close()
         for name in (name for name, has_ended in ended.items() if not has_ended):
             log_event(self._logger, logging.ERROR, "thread_hangs", f"the {name}'s thread does not end")
         return all(ended.values())

@@ -29,7 +29,7 @@ from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio import health
 from viso.companion.vio.calibration import load_calibration
 from viso.companion.vio.config import load_config
-from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
+from viso.companion.vio.imu import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.types import VioState
 from viso.streams.readers import Source, load_trajectory
 

@@ -139,7 +139,7 @@ def test_log_is_closed_when_something_goes_wrong() -> None:
 
 def test_autopilot_goes_on_while_an_engine_is_started_anew() -> None:
     demo = VioDemo(1, MemoryLog, choose=lambda config: with_engine(config, None, inertial_engine()))
-    loop, strategy = demo.loop, demo.loop.companion.worker.strategy
+    loop, strategy = demo.loop, demo.loop.companion.pipeline.strategy
     assert isinstance(strategy, EngineStrategy)
     loop.run_until(12_000_000)
     assert strategy.session is not None

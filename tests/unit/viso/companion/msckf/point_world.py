@@ -14,7 +14,7 @@ from viso.companion.klt.outliers import Model
 from viso.companion.msckf.window_filter import WindowFilter, default_cov, invariant_cov
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import MOUNTINGS
-from viso.companion.vio.imu_window import ImuSteps
+from viso.companion.vio.imu import ImuSteps
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 from viso.companion.world.flight import SimulatedImu, default_bias
 from viso.companion.world.motion import Trajectory, nadir_survey

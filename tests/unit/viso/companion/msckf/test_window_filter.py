@@ -22,7 +22,7 @@ from viso.companion.msckf.window_filter import (
     sigma_of,
 )
 from viso.companion.vio.config import ImuNoise
-from viso.companion.vio.imu_window import ImuSteps
+from viso.companion.vio.imu import ImuSteps
 from viso.companion.vio.types import ImuBias
 from viso.geometry.se3 import SE3, Array, right_jacobian, right_jacobian_inverse, skew, so3_exp, so3_log
 

@@ -68,7 +68,7 @@ class StepRuntime(VioRuntime):
             if frame is None:
                 self._ended = True
                 return
-            self.worker.process(frame)
+            self.pipeline.process(frame)
             if not isinstance(self._frames, HandedFrames):
                 return
 

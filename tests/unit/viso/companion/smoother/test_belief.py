@@ -12,7 +12,7 @@ from tests.unit.viso.companion.smoother.scene import B_T_C, NOISE, PERIOD_NS, st
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
 from viso.companion.smoother.lag_smoother import LagSmoother, preintegrated
-from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.imu import steps_of
 from viso.companion.vio.types import ImuBias
 from viso.geometry.se3 import SE3, Array
 

@@ -24,7 +24,7 @@ from tests.unit.viso.companion.smoother.scene import (
 from viso.companion.klt.front_end import Sighting
 from viso.companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
 from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, SmootherError
-from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.imu import steps_of
 from viso.companion.vio.types import ImuWindow
 from viso.geometry.se3 import Array
 

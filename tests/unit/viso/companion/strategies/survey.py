@@ -13,9 +13,9 @@ import numpy as np
 
 from viso.companion.strategies.klt_ransac import KltRansac
 from viso.companion.vio.config import AglSource, Scene, VioConfig
-from viso.companion.vio.imu_buffer import ImuBuffer
+from viso.companion.vio.imu import ImuBuffer
+from viso.companion.vio.pipeline import StrategyContext
 from viso.companion.vio.result import Lost, Result
-from viso.companion.vio.strategy import StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
     ImuSample,

@@ -24,7 +24,7 @@ from viso.companion.strategies.engine import EngineStrategy
 from viso.companion.vio.config import EngineConfig
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import SCALE_UNOBSERVED, UNSURE_VELOCITY
-from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
+from viso.companion.vio.imu import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.result import Degraded, Initializing, Lost, Result
 from viso.companion.vio.types import FeatureQuality, ImuWindow, VioOutput, VioState
 from viso.geometry.se3 import SE3, Array

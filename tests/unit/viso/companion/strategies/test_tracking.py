@@ -22,7 +22,7 @@ from tests.unit.viso.companion.strategies.survey import (
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.strategies.tracking import LEAST_VARIANCE_M2
 from viso.companion.vio.config import AglSource, ImuNoise
-from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
+from viso.companion.vio.imu import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent, VioState, WarmStartPose
 from viso.companion.world.motion import nadir_survey
 from viso.geometry.se3 import SE3

@@ -30,8 +30,8 @@ from viso.companion.trials.evaluation import EvaluationError
 from viso.companion.vio.config import AglSource, VioConfig
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.pipeline import StrategyContext
 from viso.companion.vio.result import Result
-from viso.companion.vio.strategy import StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
     HeightMeasurement,

@@ -11,8 +11,8 @@ import numpy as np
 
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.pipeline import StrategyBase, StrategyContext
 from viso.companion.vio.result import Degraded, Initializing, Lost, Result, Tracking
-from viso.companion.vio.strategy import StrategyBase, StrategyContext
 from viso.companion.vio.types import (
     CameraCalibration,
     DistortionModel,

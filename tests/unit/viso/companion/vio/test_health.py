@@ -14,7 +14,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.health import GROWTH_FRAMES, FrameFacts, Growth, HealthMachine
-from viso.companion.vio.imu_window import IMU_EMPTY, IMU_GAP
+from viso.companion.vio.imu import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.types import VioState
 
 INIT, TRACKING, DEGRADED, LOST = VioState.INIT, VioState.TRACKING, VioState.DEGRADED, VioState.LOST

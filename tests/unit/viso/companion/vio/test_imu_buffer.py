@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from viso.companion.vio.imu_buffer import CAPACITY, ImuBuffer
+from viso.companion.vio.imu import CAPACITY, ImuBuffer
 from viso.companion.vio.types import ImuSample, ImuWindow
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.companion.vio.imu_window import (
+from viso.companion.vio.imu import (
     IMU_EMPTY,
     IMU_GAP,
     ImuPeriod,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.imu_window import ImuSteps, steps_between
+from viso.companion.vio.imu import ImuSteps, steps_between
 from viso.companion.vio.preintegration import PreintegratedDelta, preintegrate
 from viso.companion.vio.types import ImuBias, ImuSample
 from viso.geometry.se3 import Array, so3_log

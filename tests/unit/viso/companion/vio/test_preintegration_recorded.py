@@ -11,8 +11,7 @@ import pytest
 from tests.places import ROOT
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.vio.imu_buffer import ImuBuffer
-from viso.companion.vio.imu_window import steps_of
+from viso.companion.vio.imu import ImuBuffer, steps_of
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 from viso.geometry.se3 import Array, rotation_from_quat_wxyz, so3_log

@@ -17,8 +17,8 @@ from tests.unit.viso.companion.vio.strategy_rig import (
 from viso.companion.vio import registry
 from viso.companion.vio.config import EngineConfig, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.pipeline import StrategyBase, StrategyContext
 from viso.companion.vio.registry import STRATEGIES, StrategyEntry, all_strategies, build_vio_strategy
-from viso.companion.vio.strategy import StrategyBase, StrategyContext
 
 ENGINES = ("okvis2", "vins_mono", "engine")
 

@@ -26,12 +26,11 @@ from viso.companion.vio import registry
 from viso.companion.vio.config import QueueConfig, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.health import FrameFacts
-from viso.companion.vio.imu_buffer import ImuBuffer
-from viso.companion.vio.ingest import JOIN_S
+from viso.companion.vio.imu import ImuBuffer
+from viso.companion.vio.pipeline import StrategyContext
 from viso.companion.vio.registry import StrategyEntry
 from viso.companion.vio.result import Result
-from viso.companion.vio.runtime import VioRuntime
-from viso.companion.vio.strategy import StrategyContext
+from viso.companion.vio.runtime import JOIN_S, VioRuntime
 from viso.companion.vio.types import ImuWindow, NavCameraFrame, VioOutput, VioState
 
 LIMIT_S = 10
@@ -142,7 +141,7 @@ def test_stop_ends_both_threads_and_does_not_drain(monkeypatch: pytest.MonkeyPat
     rig.strategies[0].step = block
     rig.runtime.start()
     assert busy.wait(LIMIT_S)
-    rig.runtime.worker.stop()
+    assert rig.runtime.stop(join_s=0) is False
     go_on.set()
     assert rig.runtime.stop()
     assert camera.closed
@@ -181,7 +180,7 @@ def test_failing_camera_ends_in_lost(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_warm_start_reaches_the_strategy(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = Rig(monkeypatch, Camera(1))
-    rig.runtime.worker.request_warm_start(make_warm_start())
+    rig.runtime.pipeline.request_warm_start(make_warm_start())
     with rig.runtime as runtime:
         assert runtime.wait(LIMIT_S)
     assert len(rig.strategies[0].calls) == 1

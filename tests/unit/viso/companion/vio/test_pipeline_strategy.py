@@ -26,8 +26,8 @@ from tests.unit.viso.companion.vio.strategy_rig import (
 )
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts
+from viso.companion.vio.log import StrategyLog
 from viso.companion.vio.result import Degraded, Initializing, Lost, Tracking
-from viso.companion.vio.strategy import StrategyLog
 from viso.companion.vio.types import NavCameraFrame, VioOutput, VioState
 
 SIZES = [(47, 64), (48, 65), (64, 48)]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The worker: what it asks, tells and counts for each frame, and that nothing stops it."""
+"""What is asked, told and counted for each frame, and that nothing stops it."""
 
 import logging
 from collections.abc import Callable
@@ -21,12 +21,12 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     output_of,
     still_window,
 )
-from viso.companion.vio import worker as worker_module
-from viso.companion.vio.imu_buffer import ImuBuffer
-from viso.companion.vio.ingest import DropOldestQueue
+from viso.companion.vio import runtime
+from viso.companion.vio.imu import ImuBuffer
+from viso.companion.vio.pipeline import VioPipeline
 from viso.companion.vio.result import Degraded, Initializing, Result, Tracking
+from viso.companion.vio.runtime import DropOldestQueue, VioWorker
 from viso.companion.vio.types import ImuWindow, NavCameraFrame, VioState
-from viso.companion.vio.worker import VioWorker
 
 
 class Imu(ImuBuffer):
@@ -49,13 +49,14 @@ class Rig(WaxRig):
         self.imu = Imu()
         self.queue = DropOldestQueue(3)
         self.results: list[Result] = []
-        self.worker = VioWorker(self.strategy, self.imu, [*listeners, self.results.append], self.queue)
+        self.pipeline = VioPipeline(self.strategy, self.imu, [*listeners, self.results.append])
+        self.worker = VioWorker(self.pipeline, self.queue, self.logger)
 
     def run(self, *sequences: int) -> Result | None:
         """Process the frames of some numbers; return the last one's result."""
         result = None
         for sequence in sequences:
-            result = self.worker.process(make_frame(sequence))
+            result = self.pipeline.process(make_frame(sequence))
         return result
 
     def states(self) -> list[VioState]:
@@ -127,8 +128,8 @@ def test_drops_are_told() -> None:
     rig = Rig()
     for sequence in range(5):
         rig.queue.put(make_frame(sequence))
-    rig.run(6)
-    assert rig.results[0].dropped == 2
+    assert rig.worker._take_one()
+    assert rig.results[0].dropped == 4
 
 
 def test_listener_that_raises_is_logged_and_keeps_nobody_from_listening() -> None:
@@ -167,7 +168,7 @@ def test_stamps_that_fall_behind_now_and_then_are_not_lost() -> None:
 def test_warm_start_takes_the_stamps_as_they_now_are() -> None:
     rig = Rig(lost_frames_fatal=3)
     rig.run(100, 1, 2, 3)
-    rig.worker.request_warm_start(make_warm_start())
+    rig.pipeline.request_warm_start(make_warm_start())
     assert isinstance(rig.run(4), Tracking)
 
 
@@ -188,7 +189,7 @@ class TestFatal:
 
     def test_warm_start_goes_on_from_the_next_frame(self) -> None:
         rig = halted()
-        rig.worker.request_warm_start(make_warm_start())
+        rig.pipeline.request_warm_start(make_warm_start())
         rig.run(7)
         assert rig.imu.asked[-1] == (7 * PERIOD_NS, 7 * PERIOD_NS)
         assert rig.states()[-1] is VioState.TRACKING
@@ -198,7 +199,7 @@ class TestFatal:
         rig = halted()
         poses = [make_warm_start(), make_warm_start()]
         for pose in poses:
-            rig.worker.request_warm_start(pose)
+            rig.pipeline.request_warm_start(pose)
         rig.run(7, 8)
         assert len(rig.strategy.calls) == 1
 
@@ -206,7 +207,7 @@ class TestFatal:
         rig = halted()
         pose = make_warm_start()
         object.__setattr__(pose, "velocity_b", None)
-        rig.worker.request_warm_start(pose)
+        rig.pipeline.request_warm_start(pose)
         assert rig.run(7) is None
         assert (rig.strategy.calls, rig.states()[-1]) == ([], VioState.LOST)
         assert len(rig.log.events("warm_start_refused")) == 1
@@ -223,7 +224,7 @@ class TestFatal:
     def test_another_camera_is_lost(self) -> None:
         rig = Rig()
         rig.run(0)
-        rig.worker.process(make_frame(1, camera_id="other"))
+        rig.pipeline.process(make_frame(1, camera_id="other"))
         assert rig.states() == [VioState.TRACKING, VioState.LOST]
         assert rig.run(2) is None
 
@@ -264,7 +265,7 @@ class TestThread:
         assert record.getMessage() == "VIO LOST: camera failed: gone; strategy=wax"
 
     def test_camera_that_shows_nothing_is_lost_until_it_does(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(worker_module, "STALL_S", 0.0)
+        monkeypatch.setattr(runtime, "STALL_S", 0.0)
         rig = Rig()
         rig.run(1)
         for _ in range(3):
@@ -282,7 +283,7 @@ class TestThread:
         assert rig.results == []
 
     def test_stop_ends_a_wait(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(worker_module, "STALL_S", 1000.0)
+        monkeypatch.setattr(runtime, "STALL_S", 1000.0)
         rig = Rig()
         rig.worker.start()
         rig.worker.stop()

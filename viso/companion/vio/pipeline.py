@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The base of all strategies: one caller at a time, checks, health, log, and the result of each frame."""
+"""The way of a frame from the camera to its result, from top to bottom.
+
+:class:`VioPipeline` takes a frame and the inertial data since the last one, gives both to the strategy, and the result
+to its listeners; :class:`~viso.companion.odometry.source.OdometrySource` is the one that makes ODOMETRY of it.
+:class:`StrategyBase` checks the frame, lets the estimator work on it, and judges by the health what it found.
+"""
 
 import abc
 import contextlib
@@ -8,14 +13,16 @@ import dataclasses
 import logging
 import threading
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final, TypeVar
+from typing import TypeVar
 
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts, HealthMachine
-from viso.companion.vio.json_log import log_event
+from viso.companion.vio.imu import ImuBuffer
+from viso.companion.vio.log import StrategyLog, log_event
 from viso.companion.vio.result import Degraded, Initializing, Lost, Result, Tracking
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -30,7 +37,98 @@ from viso.geometry.se3 import SE3
 
 _R = TypeVar("_R", bound=Result)
 
-_DEGRADED_PERIOD_NS: Final = 1_000_000_000
+Listener = Callable[[Result], object]
+
+
+class VioPipeline:
+    """Gives each frame, with its inertial data, to the strategy, and the result to the listeners.
+
+    All but ``request_warm_start`` belongs to one thread.
+
+    Args:
+        strategy: owned from now on.
+        imu: the newest inertial data.
+        listeners: called with each result; what they raise is logged.
+
+    Attributes:
+        strategy: for the same thread, but for what may be called from any.
+    """
+
+    def __init__(self, strategy: "StrategyBase", imu: ImuBuffer, listeners: Iterable[Listener] = ()) -> None:
+        context = strategy.context
+        self.strategy, self._imu, self._config, self._logger = strategy, imu, context.config, context.logger
+        self._listeners = tuple(listeners)
+        self._camera_offset_ns = round(context.calibration.time_offset_s * 1e9)
+        self._last_ns: int | None = None  # of the last processed frame
+        self._last: Result | None = None
+        self._not_later = 0  # in a row
+        self._is_halted = False  # no frame is processed before a warm start or auto_reinit_s
+        self._warm_starts: deque[WarmStartPose] = deque(maxlen=1)
+
+    def request_warm_start(self, pose: WarmStartPose) -> None:
+        """Let the strategy start from a state before its next frame; from any thread, the last request counts."""
+        self._warm_starts.append(pose)
+
+    def process(self, frame: NavCameraFrame, dropped: int = 0) -> Result | None:
+        """Process a frame, and give its result to the listeners.
+
+        Args:
+            dropped: how many frames gave way to newer ones, since the start.
+
+        Returns:
+            The result, or None for a frame that is not processed: one that is not later than the one before, or any in
+            LOST.
+        """
+        self._apply_warm_start()
+        t_ns = frame.capture_timestamp + self._camera_offset_ns
+        if not self._is_later(t_ns) or (self._is_halted and self._config.auto_reinit_s == 0):
+            return None
+        window = self._imu.window(t_ns if self._last_ns is None else self._last_ns, t_ns)
+        result = dataclasses.replace(self.strategy.process(frame, window), dropped=dropped)
+        self._last_ns, self._is_halted = t_ns, isinstance(result, Lost)
+        self._publish(result)
+        return result
+
+    def halt(self, reason: str) -> None:
+        """Process no frames before a warm start or ``auto_reinit_s``: something else than the strategy failed."""
+        self._is_halted = True
+        self.lose(reason)
+
+    def lose(self, reason: str) -> None:
+        """Give the listeners a loss that no frame gives: the last result, without its output."""
+        self._error("vio_lost", f"VIO LOST: {reason}; strategy={self.strategy.name}")
+        if self._last is not None:
+            self._publish(self._last if isinstance(self._last, Lost) else self._last.lost(reason))
+
+    def _apply_warm_start(self) -> None:
+        if not self._warm_starts:
+            return
+        try:
+            self.strategy.reset(self._warm_starts.popleft())
+        except VioFatalError as error:
+            self._error("warm_start_refused", str(error), error)
+            return
+        self._is_halted, self._last_ns, self._not_later = False, None, 0
+
+    def _is_later(self, t_ns: int) -> bool:
+        if self._last_ns is None or t_ns > self._last_ns:
+            self._not_later = 0
+            return True
+        self._not_later += 1
+        if self._not_later == self._config.lost_frames_fatal:  # such a clock does not come back
+            self.halt("stamps of frames do not increase")
+        return False
+
+    def _publish(self, result: Result) -> None:
+        self._last = result
+        for listener in self._listeners:
+            try:
+                listener(result)
+            except Exception as error:
+                self._error("listener_failed", f"listener failed: {error!r}", error)
+
+    def _error(self, event: str, msg: str, error: BaseException | None = None) -> None:
+        log_event(self._logger, logging.ERROR, event, msg, strategy=self.strategy.name, error=error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,65 +146,6 @@ class StrategyContext:
     calibration: CameraCalibration
     clock_ns: Callable[[], int]
     logger: logging.Logger
-
-
-class StrategyLog:
-    """Logs what happens to a strategy."""
-
-    def __init__(self, strategy: str, logger: logging.Logger, clock_ns: Callable[[], int]) -> None:
-        self._strategy = strategy
-        self._logger = logger
-        self._clock_ns = clock_ns
-        self._degraded_ns: int | None = None  # when a degraded frame was logged last
-        self._suppressed = 0  # since then
-
-    def _event(
-        self, level: int, event: str, msg: str, fields: Mapping[str, object], frame: uuid.UUID | None = None
-    ) -> None:
-        log_event(self._logger, level, event, msg, fields, strategy=self._strategy, frame=frame)
-
-    def state_change(self, old: VioState, new: VioState, reason: str, consecutive_lost: int) -> None:
-        """Log a change of state, and LOST as an error, too."""
-        states = {"old": old.value, "new": new.value, "reason": reason}
-        self._event(logging.INFO, "state_change", f"{old.value} -> {new.value}: {reason}", states)
-        if new is VioState.LOST:
-            msg = f"VIO LOST after {consecutive_lost} consecutive frames; strategy={self._strategy}"
-            self._event(logging.ERROR, "vio_lost", msg, {"consecutive_lost": consecutive_lost, "reason": reason})
-
-    def warm_start_applied(self, pose: WarmStartPose) -> None:
-        """Log that a state was given."""
-        position = pose.body_T_world.inverse().t
-        fields = {"position_enu": position, "velocity_b": pose.velocity_b, "bias_norm": pose.bias.norm()}
-        self._event(logging.INFO, "warm_start_applied", "warm start applied", fields)
-
-    def degraded(self, output: VioOutput, reason: str) -> None:
-        """Log a degraded frame, at most one a second."""
-        now_ns = self._clock_ns()
-        if self._degraded_ns is not None and now_ns < self._degraded_ns + _DEGRADED_PERIOD_NS:
-            self._suppressed += 1
-            return
-        suppressed, self._suppressed, self._degraded_ns = self._suppressed, 0, now_ns
-        quality = output.feature_quality
-        fields = {
-            "parallax": quality.mean_parallax_px,
-            "mre": quality.mre_px,
-            "bias_norm": output.imu_bias.norm(),
-            "reason": reason,
-            "suppressed": suppressed,
-        }
-        self._event(logging.WARNING, "vio_degraded", f"VIO degraded: {reason}", fields, output.frame_id)
-
-    def fatal(self, reason: str, error: Exception) -> None:
-        """Log what ended in LOST."""
-        log_event(self._logger, logging.ERROR, "vio_fatal", reason, strategy=self._strategy, error=error)
-
-    def frame(self, output: VioOutput, stage_ms: Mapping[str, float]) -> None:
-        """Log a frame, for debugging."""
-        if not self._logger.isEnabledFor(logging.DEBUG):
-            return
-        quality = output.feature_quality
-        fields = {"tracked": quality.tracked, "new": quality.new, "keyframe": output.is_keyframe, "ms": dict(stage_ms)}
-        self._event(logging.DEBUG, "frame", "frame", fields, output.frame_id)
 
 
 class StrategyBase(abc.ABC):

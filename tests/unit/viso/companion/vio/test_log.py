@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.companion.vio.json_log import JsonFormatter, compact_json, finite_json, log_event
+from viso.companion.vio.log import JsonFormatter, compact_json, finite_json, log_event
 
 
 class Rig:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from tests.unit.viso.companion.vio.strategy_rig import EventHandler, make_frame, make_logger
-from viso.companion.vio.ingest import CameraIngest, DropOldestQueue
+from viso.companion.vio.runtime import CameraIngest, DropOldestQueue
 from viso.companion.vio.types import NavCameraFrame
 
 
