@@ -127,7 +127,14 @@ class _Stack:
     parallax: Array
 
     def only(self, mask: Mask) -> "_Stack":
-        return _Stack(*(getattr(self, field.name)[mask] for field in dataclasses.fields(self)))
+        return _Stack(
+            self.jacobian[mask],
+            self.residual[mask],
+            self.dof[mask],
+            self.error[mask],
+            self.depth_m[mask],
+            self.parallax[mask],
+        )
 
 
 def use_tracks(

@@ -39,7 +39,7 @@ class Stillness:
         """Take in a frame."""
         now_ns = self._now_ns = window.end_t_ns
         last_ns = self._samples[-1].t_ns if self._samples else -1
-        self._samples.extend(sample for sample in window.samples if last_ns < sample.t_ns <= now_ns)
+        self._samples.extend([sample for sample in window.samples if last_ns < sample.t_ns <= now_ns])
         while self._samples and self._samples[0].t_ns < now_ns - START_SPAN_NS:
             self._samples.popleft()
         if self._reference is None or sighting.model is None or self._has_moved(self._reference[1], sighting):

@@ -150,7 +150,7 @@ def _sample(path: Path, row: Row) -> ImuSample:
         raise SourceError(f"{path}:{row.number}: {len(row.fields)} columns, not {_IMU_COLUMNS}")
     try:
         values = np.array([float(field) for field in row.fields[1:_IMU_COLUMNS]])
-        return ImuSample(int(row.fields[0]), values[3:], values[:3])
+        return ImuSample.checked(int(row.fields[0]), values[3:], values[:3])
     except ValueError as error:
         raise SourceError(f"{path}:{row.number}: {error}") from error
 

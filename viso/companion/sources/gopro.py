@@ -95,7 +95,7 @@ def _samples(accel_parts: list[_Part], gyro_parts: list[_Part]) -> Iterator[ImuS
     ]
     rates = np.stack(turned, axis=1) / (2 * half_s)
     for t_s, force, rate in zip(accel_s.tolist(), accel, rates, strict=True):
-        yield ImuSample(round(t_s * 1e9), force, rate)
+        yield ImuSample.checked(round(t_s * 1e9), force, rate)
 
 
 def _times(parts: list[_Part]) -> Array:

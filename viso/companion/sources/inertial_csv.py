@@ -73,7 +73,7 @@ def _sample(fields: list[str], columns: Mapping[str, int], start_ns: int) -> Imu
     if len(fields) < len(columns):
         raise ValueError(f"{len(fields)} columns, not {len(columns)}")
     accel, gyro = (np.array([_number(fields[columns[name]]) for name in names]) for names in (ACCEL, GYRO))
-    return ImuSample(_time_ns(fields, columns) - start_ns, accel, gyro)
+    return ImuSample.checked(_time_ns(fields, columns) - start_ns, accel, gyro)
 
 
 def _time_ns(fields: list[str], columns: Mapping[str, int]) -> int:

@@ -71,6 +71,8 @@ class ImuBuffer:
         Raises:
             ValueError: if ``t1_ns`` is before ``t0_ns``.
         """
+        if t1_ns < t0_ns:
+            raise ValueError("t1_ns: before t0_ns")
         with self._changed:
             self._wait(self._changed, lambda: bool(self._samples) and self._samples[-1].t_ns >= t1_ns, wait_s)
             samples = list(self._samples)
@@ -113,7 +115,7 @@ def window_fault(window: ImuWindow, nominal_period_ns: int) -> str | None:
     if not _measured(window):
         return IMU_EMPTY
     times = [sample.t_ns for sample in window.samples]
-    widest = max((later - earlier for earlier, later in itertools.pairwise(times)), default=0)
+    widest = max(_intervals(times), default=0)
     short = max(times[0] - window.start_t_ns, window.end_t_ns - times[-1])
     if widest > MAX_GAP_PERIODS * nominal_period_ns or short > MAX_SHORT_PERIODS * nominal_period_ns:
         return IMU_GAP
@@ -138,7 +140,7 @@ class ImuPeriod:
         """
         last_ns = self._last_ns
         times_ns = [sample.t_ns for sample in window.samples if last_ns is None or sample.t_ns >= last_ns]
-        self._intervals_ns.extend(later - earlier for earlier, later in itertools.pairwise(times_ns))
+        self._intervals_ns.extend(_intervals(times_ns))
         if times_ns:
             self._last_ns = times_ns[-1]
         if window.end_t_ns == window.start_t_ns:
@@ -168,6 +170,10 @@ def steps_between(samples: Sequence[ImuSample]) -> ImuSteps:
     gyro = np.array([sample.gyro for sample in samples]).reshape(-1, 3)
     accel = np.array([sample.accel for sample in samples]).reshape(-1, 3)
     return ImuSteps(np.diff(t_ns) * 1e-9, 0.5 * (gyro[:-1] + gyro[1:]), 0.5 * (accel[:-1] + accel[1:]))
+
+
+def _intervals(times_ns: list[int]) -> list[int]:
+    return [later - earlier for earlier, later in itertools.pairwise(times_ns)]
 
 
 def _measured(window: ImuWindow) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.imu import ImuSteps
 from viso.companion.vio.types import ImuBias
-from viso.geometry.se3 import Array, read_only, skews
+from viso.geometry.se3 import Array, skews
 
 _IDENTITY: Final = np.eye(3)
 _SMALL_SQUARE: Final = 1e-2  # of an angle in rad, below which series are more exact than differences
@@ -46,10 +46,6 @@ class PreintegratedDelta:
     dp: Array
     cov: Array
     jac_bias: Array
-
-    def __post_init__(self) -> None:
-        for field, shape in (("dR", (3, 3)), ("dv", (3,)), ("dp", (3,)), ("cov", (9, 9)), ("jac_bias", (9, 6))):
-            object.__setattr__(self, field, read_only(getattr(self, field), shape, field))
 
 
 def preintegrate(steps: ImuSteps, noise: ImuNoise, bias: ImuBias) -> PreintegratedDelta:

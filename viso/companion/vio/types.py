@@ -1,16 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What goes into a strategy and what comes out: frozen records, their arrays read-only, validated when made.
+"""What goes into a strategy and what comes out: frozen records.
 
-Every constructor raises ``ValueError`` naming the field. Times are nanoseconds of the companion's monotonic clock.
+Times are nanoseconds of the companion's monotonic clock. Frames, calibrations, warm starts and outputs are checked when
+they are made, and their arrays are read-only; the constructor raises ``ValueError`` naming the field. Inertial data are
+checked where they come from outside (``ImuSample.checked``, ``ImuBias.checked``), and by the buffer, which takes them
+in the order of time only.
 """
 
 import enum
-import itertools
 import math
 import uuid
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +38,14 @@ def frame_uuid(time_ms: int, sequence: int, random: int) -> uuid.UUID:
 def _count(value: int, field: str) -> None:
     if value < 0:
         raise ValueError(f"{field}: negative")
+
+
+def _covariance(value: Any, size: int, field: str) -> Array:
+    sound = sound_covariance(read_only(value, (size, size), field))
+    if sound is None:
+        raise ValueError(f"{field}: not symmetric and positive")
+    sound.flags.writeable = False
+    return sound
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,9 +112,10 @@ class ImuSample:
     accel: Array
     gyro: Array
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "accel", read_only(self.accel, (3,), "accel"))
-        object.__setattr__(self, "gyro", read_only(self.gyro, (3,), "gyro"))
+    @classmethod
+    def checked(cls, t_ns: int, accel: Any, gyro: Any) -> Self:
+        """Return a sample from outside. Raises ValueError unless both are three finite numbers; names the field."""
+        return cls(t_ns, read_only(accel, (3,), "accel"), read_only(gyro, (3,), "gyro"))
 
 
 SensorEvent = ImuSample | HeightMeasurement | NavCameraFrame
@@ -124,14 +135,6 @@ class ImuWindow:
     end_t_ns: int
     samples: tuple[ImuSample, ...]
 
-    def __post_init__(self) -> None:
-        if self.end_t_ns < self.start_t_ns:
-            raise ValueError("end_t_ns: before start_t_ns")
-        object.__setattr__(self, "samples", tuple(self.samples))
-        times = [sample.t_ns for sample in self.samples]
-        if any(later <= earlier for earlier, later in itertools.pairwise(times)):
-            raise ValueError("samples: t_ns does not increase")
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuBias:
@@ -145,9 +148,10 @@ class ImuBias:
     accel: Array
     gyro: Array
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "accel", read_only(self.accel, (3,), "accel"))
-        object.__setattr__(self, "gyro", read_only(self.gyro, (3,), "gyro"))
+    @classmethod
+    def checked(cls, accel: Any, gyro: Any) -> Self:
+        """Return a bias from outside. Raises ValueError unless both are three finite numbers; names the field."""
+        return cls(read_only(accel, (3,), "accel"), read_only(gyro, (3,), "gyro"))
 
     @classmethod
     def zero(cls) -> "ImuBias":
@@ -261,11 +265,9 @@ class WarmStartPose:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "velocity_b", read_only(self.velocity_b, (3,), "velocity_b"))
+        object.__setattr__(self, "bias", ImuBias.checked(self.bias.accel, self.bias.gyro))
         if self.covariance is not None:
-            sound = sound_covariance(read_only(self.covariance, (15, 15), "covariance"))
-            if sound is None:
-                raise ValueError("covariance: not symmetric and positive")
-            object.__setattr__(self, "covariance", read_only(sound, (15, 15), "covariance"))
+            object.__setattr__(self, "covariance", _covariance(self.covariance, 15, "covariance"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -355,12 +357,10 @@ class VioOutput:
     start_covariance_6x6: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("pose_covariance_6x6", "start_covariance_6x6"):
-            given = getattr(self, name)
-            if given is None and name == "start_covariance_6x6":
-                continue
-            sound = sound_covariance(read_only(given, (6, 6), name))
-            if sound is None:
-                raise ValueError(f"{name}: not symmetric and positive")
-            object.__setattr__(self, name, read_only(sound, (6, 6), name))
+        covariance = _covariance(self.pose_covariance_6x6, 6, "pose_covariance_6x6")
+        object.__setattr__(self, "pose_covariance_6x6", covariance)
+        if self.start_covariance_6x6 is not None:
+            since = _covariance(self.start_covariance_6x6, 6, "start_covariance_6x6")
+            object.__setattr__(self, "start_covariance_6x6", since)
+        object.__setattr__(self, "imu_bias", ImuBias.checked(self.imu_bias.accel, self.imu_bias.gyro))
         object.__setattr__(self, "velocity_b", read_only(self.velocity_b, (3,), "velocity_b"))

@@ -110,7 +110,7 @@ def test_window_is_what_there_is_when_the_wait_is_over() -> None:
 
 
 def test_window_that_ends_before_it_starts_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"^end_t_ns: "):
+    with pytest.raises(ValueError, match=r"^t1_ns: "):
         filled(10, 20).window(20, 10)
 
 
