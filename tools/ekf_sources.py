@@ -5,7 +5,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from ekf_stub.ahrs.source_check import (
+from ekf_stub.ahrs.sources import (
     ALLOWED,
     BARO,
     BEACON,
@@ -14,8 +14,10 @@ from ekf_stub.ahrs.source_check import (
     OPTICAL_FLOW,
     RANGEFINDER,
     WHEEL_ENCODER,
+    SourceXY,
+    SourceYaw,
+    SourceZ,
 )
-from ekf_stub.inputs.sources import SourceXY, SourceYaw, SourceZ
 from viso.doctor.checks import CHECKS
 
 _CODES: Final = frozenset(check.code for check in CHECKS)

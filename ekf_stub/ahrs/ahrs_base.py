@@ -16,13 +16,13 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
+from ekf_stub.ahrs.sources import SourceYaw
 from ekf_stub.ahrs.vehicle_state import VehicleState
 from ekf_stub.core.params import EkfSources
-from ekf_stub.inputs.flow_measurement import FlowMeasurement
+from ekf_stub.inputs.measurements import FlowMeasurement
 from ekf_stub.inputs.sensors import SensorSource
-from ekf_stub.inputs.sources import SourceYaw
 from ekf_stub.log.ext_nav_log import ExtNavLog
-from ekf_stub.reports.filter_status import FilterStatus
+from ekf_stub.reports import FilterStatus
 
 AP_AHRS_NAVEKF_SETTLE_TIME_MS: Final = 20_000
 ESTIMATOR_STARTUP_DELAY_US: Final = 1_000_000

@@ -26,9 +26,9 @@ from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.cores import Cores
-from ekf_stub.ahrs.fitted import has_compass, has_flow, imu_mask, imu_pos
-from ekf_stub.ahrs.source_check import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM, source_failure
-from ekf_stub.ahrs.source_check import RANGEFINDER as RANGEFINDER_SENSOR
+from ekf_stub.ahrs.sources import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM, SourceYaw, source_failure
+from ekf_stub.ahrs.sources import RANGEFINDER as RANGEFINDER_SENSOR
+from ekf_stub.ahrs.vehicle_state import has_compass, has_flow, imu_mask, imu_pos
 from ekf_stub.core.aiding import ABSOLUTE, NO_AIDING, RELATIVE
 from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.core import Core
@@ -36,14 +36,20 @@ from ekf_stub.core.events import YAW, Events
 from ekf_stub.core.ext_nav import ExtNav
 from ekf_stub.core.params import RANGEFINDER, EkfSources
 from ekf_stub.core.vectors import euler_of
-from ekf_stub.inputs.flow_measurement import FlowMeasurement
-from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
-from ekf_stub.inputs.inertial import Array, numbers_of
 from ekf_stub.inputs.ingest_rules import KINDS, RULES, FilterOutcome
-from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
-from ekf_stub.inputs.range_state import DOWNWARD, RangeState
+from ekf_stub.inputs.measurements import (
+    DOWNWARD,
+    FIX_3D,
+    Array,
+    FlowMeasurement,
+    GpsSample,
+    Moved,
+    RangeState,
+    from_imu,
+    gps_seen_from,
+    numbers_of,
+)
 from ekf_stub.inputs.sensors import Sensors, SensorSource
-from ekf_stub.inputs.sources import SourceYaw
 from ekf_stub.log.replay_log import (
     CHECK_LANE_SWITCH,
     REQUEST_YAW_RESET,
@@ -55,10 +61,16 @@ from ekf_stub.log.replay_log import (
     VehicleFrame,
 )
 from ekf_stub.release import REFERENCE, FilterRelease
-from ekf_stub.reports.aiding_mode import AidingMode
-from ekf_stub.reports.core_report import CoreReport, Three
-from ekf_stub.reports.core_texts import MAV_SEVERITY_INFO, NUMBER_OF_IMUS, cores_of_mask
-from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
+from ekf_stub.reports import (
+    MAV_SEVERITY_INFO,
+    NUMBER_OF_IMUS,
+    AidingMode,
+    CoreReport,
+    FilterFlag,
+    FilterStatus,
+    Three,
+    cores_of_mask,
+)
 
 _MODES: Final = {NO_AIDING: AidingMode.NONE, ABSOLUTE: AidingMode.ABSOLUTE, RELATIVE: AidingMode.RELATIVE}
 _FIRST_IMU: Final = 0

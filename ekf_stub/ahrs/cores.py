@@ -14,8 +14,7 @@ from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.quaternion import Quaternion
 from ap_core.sinks import RecordSink, TextSink
-from ekf_stub.ahrs.fitted import has_compass, imu_pos
-from ekf_stub.ahrs.vehicle_state import VehicleState
+from ekf_stub.ahrs.vehicle_state import VehicleState, has_compass, imu_pos
 from ekf_stub.core.core import AFFINITY_MAG, Core
 from ekf_stub.core.ext_nav import ExtNav
 from ekf_stub.core.imus import MAX_IMUS, Imus
@@ -23,17 +22,13 @@ from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.params import EkfSources, Params
 from ekf_stub.core.samples import RingSizes
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.inertial import ImuReading, first_usable
-from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
-from ekf_stub.inputs.range_state import RangeState
+from ekf_stub.inputs.measurements import GpsSample, ImuReading, Moved, RangeState, first_usable, from_imu, gps_seen_from
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.log.replay_log import SensorSet
 from ekf_stub.log.reporting import report_of
 from ekf_stub.release import FilterRelease
-from ekf_stub.reports.core_report import CoreReport, Three
-from ekf_stub.reports.core_texts import words_of
+from ekf_stub.reports import CoreReport, Three, words_of
 
 MOST_LEAN_APART: Final = math.radians(10.0)
 MOST_YAW_APART: Final = math.radians(20.0)

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an AHRS is told of the vehicle around it (AP_DAL/AP_DAL.cpp, AP_DAL::start_frame)."""
+"""What an AHRS knows of the vehicle around it: its state (AP_DAL::start_frame), and what it is fitted with."""
 
 from dataclasses import dataclass
 from typing import Final
 
 from ap_core.location import Location
+from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.range_state import RangeState
+from ekf_stub.inputs.measurements import GpsSample, RangeState
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 
 NO_CAMERA: Final = VisualOdomFrame(Vector3f(), 0, healthy=False, enabled=False)
@@ -37,3 +37,23 @@ class VehicleState:
     gps: GpsSample | None = None
     gps_lag_s: float = 0.0
     ranges: RangeState | None = None
+
+
+def has_flow(params: ParamTable) -> bool:
+    """Return whether there is to be a flow sensor (AP_OpticalFlow::enabled)."""
+    return params.get_int("FLOW_TYPE") != 0
+
+
+def has_compass(params: ParamTable) -> bool:
+    """Return whether there is a compass, and in use."""
+    return params.get_int("COMPASS_ENABLE") != 0 and params.get_int("COMPASS_USE") != 0
+
+
+def imu_pos(params: ParamTable, imu: int = 0) -> Vector3f:
+    """Return the place of an IMU on the vehicle, m, body (FRD)."""
+    return Vector3f(*(params.get_float(f"INS_POS{imu + 1}_{axis}") for axis in "XYZ"))
+
+
+def imu_mask(params: ParamTable) -> int:
+    """Return which IMUs get a core; none when EK3_ENABLE is off."""
+    return params.get_int("EK3_IMU_MASK") if params.get_int("EK3_ENABLE") else 0

@@ -7,7 +7,7 @@ from typing import Final
 
 from ekf_stub.core.params import EkfSources
 from ekf_stub.core.samples import RingSizes
-from ekf_stub.inputs.gps_sample import USUAL_LAG_S, whole_ms
+from ekf_stub.inputs.measurements import USUAL_LAG_S, whole_ms
 
 _MAG_DELAY_MS: Final = 60
 MAX_DELAY_MS: Final = 250

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a core has to say: texts for the ground station, and what became of samples of external navigation.
 
-A core says it in numbers; `ekf_stub.reports.core_texts` and `ekf_stub.inputs.ingest_rules` put it into words.
+A core says it in numbers; `ekf_stub.reports` and `ekf_stub.inputs.ingest_rules` put it into words.
 """
 
 from typing import Final, final

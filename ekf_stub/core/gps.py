@@ -32,7 +32,7 @@ from ekf_stub.core.vectors import (
     sub,
     to_earth,
 )
-from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample, whole_ms
+from ekf_stub.inputs.measurements import FIX_3D, GpsSample, whole_ms
 
 CENTI: Final = 0.009999999776482582  # float32 of 0.01, as the firmware's literals are
 MIN_YAW_ERR: Final = math.radians(5.0)

@@ -11,8 +11,7 @@ import math
 from typing import Final, final
 
 from ekf_stub.core.vectors import ZERO, Vec3
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.range_state import RangeState
+from ekf_stub.inputs.measurements import GpsSample, RangeState
 
 _MAX_BARO_M: Final = 1e5
 _MAX_FIELD_MGAUSS: Final = 1e5

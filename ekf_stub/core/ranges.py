@@ -6,7 +6,7 @@ from typing import Final, final
 
 from ekf_stub.core.samples import ObsRing, RangeSample
 from ekf_stub.core.vectors import U32, ZERO, Rotation, dot, is_zero, larger
-from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
+from ekf_stub.inputs.measurements import DOWNWARD, FinderState, RangeState, RangeStatus
 
 _LEAST_ON_GROUND_M: Final = 0.05
 _INTERVAL_MS: Final = 50

@@ -9,8 +9,7 @@ import numpy as np
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.inertial import Array, ImuReading, InertialDelta
+from ekf_stub.inputs.measurements import Array, GpsSample, ImuReading, InertialDelta
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,7 @@ from ekf_stub.log.ekf_log_structure import (
     XKY0,
     XKY1,
 )
-from ekf_stub.reports.core_report import CoreReport, GsfReport
+from ekf_stub.reports import CoreReport, GsfReport
 
 COVARIANCE_INTERVAL_MS: Final = 490
 PERIOD_US: Final = 100_000

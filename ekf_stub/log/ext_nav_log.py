@@ -14,7 +14,7 @@ from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.sinks import RecordSink
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.flow_measurement import FlowMeasurement
+from ekf_stub.inputs.measurements import FlowMeasurement
 from ekf_stub.log.replay_log_structure import RBOH, REPH, REVH, ROFH, RVOH
 
 _UNFILLED: Final = (np.float32(0),) * 3

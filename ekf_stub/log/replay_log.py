@@ -30,9 +30,7 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
 from ekf_stub.core.imus import MAX_IMUS
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.inertial import Array, InertialDelta, first_usable
-from ekf_stub.inputs.range_state import RangeState
+from ekf_stub.inputs.measurements import Array, GpsSample, InertialDelta, RangeState, first_usable
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import ExtNavLog
 from ekf_stub.log.replay_log_structure import (
@@ -55,7 +53,7 @@ from ekf_stub.log.replay_log_structure import (
     RSO2,
     RSO3,
 )
-from ekf_stub.reports.core_report import Three
+from ekf_stub.reports import Three
 
 # Of REV3.Event.
 RESET_HEIGHT_DATUM: Final = 1

@@ -9,7 +9,7 @@ from ekf_stub.core.core import Core
 from ekf_stub.core.gps_yaw import GpsYaw
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.vectors import euler_of, scaled
-from ekf_stub.reports.core_report import (
+from ekf_stub.reports import (
     CoreReport,
     GsfReport,
     OdometryReport,

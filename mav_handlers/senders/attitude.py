@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ap_core.fmath import f32
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_sample import FIX_3D
+from ekf_stub.inputs.measurements import FIX_3D
 from mav_handlers.channel import Channel
 from mav_handlers.senders.builder import boot_ms, floats, quiet_overflow
 from mav_handlers.wire.messages import AHRS, AHRS2, ATTITUDE, ATTITUDE_QUATERNION, EKF_STATUS_REPORT

@@ -13,7 +13,7 @@ import numpy as np
 
 from ap_core.cint import i32, int_of_float, u16, u32, u64
 from ap_core.fmath import atan2f, degrees, f32, norm3, wrap_360
-from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.measurements import GpsSample
 from mav_handlers.channel import Channel
 from mav_handlers.senders.builder import quiet_overflow
 from mav_handlers.wire.messages import GPS_RAW_INT

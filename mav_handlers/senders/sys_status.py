@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u16
-from ekf_stub.inputs.gps_sample import FIX_3D
+from ekf_stub.inputs.measurements import FIX_3D
 from mav_handlers.channel import Channel
 from mav_handlers.senders.parked import BATTERY_MV, BATTERY_REMAINING_PCT
 from mav_handlers.wire.messages import SYS_STATUS

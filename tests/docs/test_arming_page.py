@@ -13,10 +13,10 @@ import pytest
 
 from ap_visualodom.ap_visualodom import AP_VisualOdom
 from ap_visualodom.ap_visualodom_intelt265 import AP_VisualOdom_IntelT265
-from ekf_stub.ahrs import source_check
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.cores import Cores
+from ekf_stub.ahrs.sources import source_failure
 from tests.places import ROOT
 from viso.vehicle import ranges
 from viso.vehicle.copter.arming_checks import ArmingChecks
@@ -50,7 +50,7 @@ def interpreted() -> Iterator[Callable[..., Any]]:
     yield from (check for name, check in vars(ArmingChecks).items() if inspect.isfunction(check) and name != "lists")
     yield from (AP_VisualOdom.pre_arm_check, AP_VisualOdom_IntelT265.pre_arm_check)
     yield from (AhrsBase.pre_arm_failure, Ekf3Ahrs.pre_arm_failure, Cores.disagreement)
-    yield source_check.source_failure
+    yield source_failure
     yield ranges.MavlinkRanges.failure
 
 

@@ -17,7 +17,7 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import FMT, LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.inertial import InertialDelta
+from ekf_stub.inputs.measurements import InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog, SensorSet, VehicleFrame

@@ -22,13 +22,13 @@ from ekf_stub.core.imus import Imus
 from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.params import EkfSources, Params
-from ekf_stub.inputs.inertial import Array, InertialDelta, numbers_of
+from ekf_stub.inputs.measurements import Array, InertialDelta, numbers_of
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, ReplayLog, VehicleFrame
 from ekf_stub.log.reporting import report_of
 from ekf_stub.release import REFERENCE
-from ekf_stub.reports.core_texts import words_of
+from ekf_stub.reports import words_of
 from viso.logs.logger import STRUCTURES, Logger
 from viso.logs.sink import MemoryLog
 from viso.parameters.ekf3 import FLOW_LIMIT_LATER

@@ -52,7 +52,7 @@ from ap_core.verdict import Outcome
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.ahrs_settable import ExtNav, SettableAhrs
-from ekf_stub.ahrs.fitted import has_compass
+from ekf_stub.ahrs.vehicle_state import has_compass
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES

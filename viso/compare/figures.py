@@ -15,8 +15,8 @@ import numpy.typing as npt
 from ap_core.verdict import Outcome
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.core.odometry import GATE_SIGMAS
-from ekf_stub.inputs.inertial import Array
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.inputs.measurements import Array
+from ekf_stub.reports import AidingMode
 from viso.companion.trials.evaluation import EvaluationError, TimedPoses, absolute_error
 from viso.faults.poses import VISION_NAMES
 from viso.replay.feed import ReplayedMessage

@@ -9,8 +9,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from ekf_stub.reports.aiding_mode import AidingMode
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import AidingMode, FilterFlag
 from viso.companion.vio.types import VioState
 from viso.demo.errors import PoseErrors, estimate_errors, odometry_errors, truth
 from viso.demo.loop import CompanionLoop

@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from ekf_stub.reports.aiding_mode import AidingMode
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import AidingMode, FilterFlag
 from viso.demo.record import Estimate
 from viso.demo.tracking_camera import END_S, FAULTS, FLIGHT, DemoResult
 from viso.estimators.series import spans_of

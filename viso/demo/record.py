@@ -10,8 +10,7 @@ from typing import Final, NamedTuple
 from ap_core.verdict import Outcome
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.core.covariance import POS
-from ekf_stub.reports.aiding_mode import AidingMode
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import AidingMode, FilterFlag
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.vio.result import Result

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from matplotlib.figure import Figure
 
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import FilterFlag
 from viso.estimators.series import spans_of
 from viso.report import drawing
 from viso.report.drawing import EKF, GREEN, MUTED, VIOLET, VISION, WITHHELD, plain

@@ -8,7 +8,7 @@ from typing import Final
 from rich.table import Column, Table
 from rich.text import Text
 
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from viso.terminal.console import VerdictCounts, verdict_table
 from viso.vehicle.outcomes.labels import Fate, FilterCounts, basis, fate_of, final_counts, is_model, why
 from viso.vehicle.outcomes.watch import UNITS, AidingSpan, Innovations

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ap_core.param_cache import FromParams
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.ahrs.fitted import has_compass
+from ekf_stub.ahrs.vehicle_state import has_compass
 from mav_handlers.signing import KeyStore, MemoryKeyStore
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.files import LogStore

@@ -13,7 +13,7 @@ from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.sinks import RecordSink
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.flow_measurement import FlowMeasurement
+from ekf_stub.inputs.measurements import FlowMeasurement
 from mav_handlers.wire.messages import OPTICAL_FLOW
 from viso.firmware.log_releases import OF
 

@@ -13,7 +13,7 @@ from ap_core.fmath import f32
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.sinks import RecordSink, TextSink
-from ekf_stub.inputs.gps_sample import FIX_3D, USUAL_LAG_S, GpsSample
+from ekf_stub.inputs.measurements import FIX_3D, USUAL_LAG_S, GpsSample
 from mav_handlers.wire.messages import GPS_INPUT
 from viso.firmware.log_releases import GPA, GPS
 from viso.vehicle.gps_driver import MS_PER_WEEK, UNKNOWN_DOP, GpsState, MavlinkGpsDriver

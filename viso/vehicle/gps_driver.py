@@ -12,7 +12,7 @@ from ap_core.cint import int_of_float, u16, u32
 from ap_core.fmath import atan2f, degrees, f32, norm3, wrap_360
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_sample import FIX_3D
+from ekf_stub.inputs.measurements import FIX_3D
 from mav_handlers.jitter_correction import JitterCorrection
 from mav_handlers.wire.messages import GPS_INPUT
 

@@ -13,8 +13,8 @@ from ap_core.fmath import f32
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.sinks import RecordSink
-from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
-from ekf_stub.reports.core_report import Three
+from ekf_stub.inputs.measurements import DOWNWARD, FinderState, RangeState, RangeStatus
+from ekf_stub.reports import Three
 from mav_handlers.wire.messages import DISTANCE_SENSOR
 from viso.firmware.log_releases import RFND
 from viso.parameters.releases import REFERENCE, RangeUnit

@@ -10,7 +10,7 @@ import numpy as np
 
 from ap_core.param_group import ParamSlot
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import FilterFlag
 from viso.doctor.evidence.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
 from viso.estimators.series import Array, Mask, Series
 from viso.firmware.releases import Firmware

@@ -19,10 +19,10 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.core.core import Core
 from ekf_stub.core.covariance import ACCEL, GYRO
 from ekf_stub.core.params import EkfSources
-from ekf_stub.inputs.gps_sample import USUAL_LAG_S, GpsSample
+from ekf_stub.inputs.measurements import USUAL_LAG_S, GpsSample
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
-from ekf_stub.reports.core_report import CoreReport
+from ekf_stub.reports import CoreReport
 from viso.parameters.table import make_groups
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.standing import BenchSource

@@ -13,6 +13,7 @@ from ap_core.location import Location
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
+from ekf_stub.ahrs.sources import ROWS
 from ekf_stub.core.aiding import ABSOLUTE
 from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.core import Core
@@ -22,14 +23,11 @@ from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.params import EkfSources, Params
 from ekf_stub.core.vectors import Vec3, euler_of, matrix, quat_of_euler, to_body, to_earth, wrap_pi
-from ekf_stub.inputs.gps_sample import GpsSample
 from ekf_stub.inputs.ingest_rules import KINDS, RULES
-from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
-from ekf_stub.inputs.sources import ROWS
+from ekf_stub.inputs.measurements import DOWNWARD, FinderState, GpsSample, RangeState, RangeStatus
 from ekf_stub.log.reporting import report_of
 from ekf_stub.release import REFERENCE, FilterRelease
-from ekf_stub.reports.core_report import CoreReport
-from ekf_stub.reports.core_texts import words_of
+from ekf_stub.reports import CoreReport, words_of
 from tests.copies import Copies
 from viso.parameters.table import make_groups
 

@@ -20,11 +20,10 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
+from ekf_stub.ahrs.sources import ROWS
 from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.core.params import PARAM_NAMES
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
-from ekf_stub.inputs.sources import ROWS
+from ekf_stub.inputs.measurements import DOWNWARD, FinderState, GpsSample, RangeState, RangeStatus
 from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (
     GRAVITY_MSS,

@@ -11,7 +11,7 @@ import pytest
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.core import Core
 from ekf_stub.core.params import BARO, EXTNAV, GPS, NONE, RANGEFINDER
-from ekf_stub.inputs.range_state import RangeStatus
+from ekf_stub.inputs.measurements import RangeStatus
 from ekf_stub.release import APRIL_2026, REFERENCE, FilterRelease
 from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (

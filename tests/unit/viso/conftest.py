@@ -21,8 +21,8 @@ from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_settable import SettableAhrs
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
+from ekf_stub.inputs.measurements import GpsSample
+from ekf_stub.reports import FilterFlag, FilterStatus
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, ODOMETRY, PARAM_SET, Message

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.inputs.sources import SourceXY
+from ekf_stub.ahrs.sources import SourceXY
 from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.ground_set_up import (

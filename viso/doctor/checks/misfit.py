@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.inputs.sources import EXTNAV
+from ekf_stub.ahrs.sources import EXTNAV
 from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import (
     Way,

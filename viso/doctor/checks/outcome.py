@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 
 from ap_core.verdict import Outcome
+from ekf_stub.ahrs.sources import EXTNAV
 from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
-from ekf_stub.inputs.sources import EXTNAV
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often, share

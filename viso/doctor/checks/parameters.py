@@ -8,10 +8,9 @@ from typing import Final
 import numpy as np
 
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
-from ekf_stub.ahrs.source_check import ALLOWED
+from ekf_stub.ahrs.sources import ALLOWED, EXTNAV, ROWS, SourceXY
 from ekf_stub.inputs.ingest_rules import NO_BUFFER
-from ekf_stub.inputs.sources import EXTNAV, ROWS, SourceXY
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
-from ekf_stub.inputs.sources import SourceZ
+from ekf_stub.ahrs.sources import SourceZ
+from ekf_stub.inputs.measurements import DOWNWARD, RangeStatus
 from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.ground_set_up import (

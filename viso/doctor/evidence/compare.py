@@ -10,7 +10,7 @@ import numpy as np
 
 from ap_core.internal_error import InternalErrors
 from ap_core.rotations import quaternion_from_rotation
-from ekf_stub.inputs.sources import EXTNAV
+from ekf_stub.ahrs.sources import EXTNAV
 from viso.doctor.evidence.tracks import Floats, HandledMessage, Ints, Poses
 from viso.doctor.evidence.vehicle_data import AttitudeSeries
 from viso.doctor.evidence.vehicle_position import PositionSeries

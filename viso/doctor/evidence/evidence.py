@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass
 
-from ekf_stub.inputs.sources import EXTNAV, ROWS
+from ekf_stub.ahrs.sources import EXTNAV, ROWS
 from viso.doctor.evidence.compare import Comparison, PathComparison
 from viso.doctor.evidence.flow_fit import FlowFit
 from viso.doctor.evidence.own_filter import Witness

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.inputs.sources import SourceXY
+from ekf_stub.ahrs.sources import SourceXY
 from viso.doctor.evidence.boot_clock import by_boot_clock
 from viso.doctor.evidence.compare import Comparison, compare, compare_paths
 from viso.doctor.evidence.evidence import Evidence

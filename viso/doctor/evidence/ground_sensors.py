@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.inputs.range_state import DOWNWARD, RangeStatus
+from ekf_stub.inputs.measurements import DOWNWARD, RangeStatus
 from mav_handlers.wire.codec import Header
 from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, LOCAL_POSITION_NED, OPTICAL_FLOW, SYS_STATUS, Message
 from viso.doctor.evidence.tracks import Bools, Floats, Ints

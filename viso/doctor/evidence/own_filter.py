@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.inputs.sources import EXTNAV, ROWS, SourceXY, SourceYaw, SourceZ
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.ahrs.sources import EXTNAV, ROWS, SourceXY, SourceYaw, SourceZ
+from ekf_stub.reports import FilterFlag
 from viso.doctor.evidence.tracks import Bools, Floats, Ints
 from viso.estimators.series import overlap_s, stretches_of
 

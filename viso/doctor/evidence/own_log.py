@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.inputs.sources import EXTNAV, ROWS, SETS, SourceXY, SourceYaw, SourceZ
+from ekf_stub.ahrs.sources import EXTNAV, ROWS, SETS, SourceXY, SourceYaw, SourceZ
 from viso.doctor.evidence.own_filter import (
     OtherCore,
     OwnFilter,

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from ekf_stub.inputs.sources import EXTNAV
+from ekf_stub.ahrs.sources import EXTNAV
 from mav_handlers.wire.codec import message_name
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence.stream_data import VISION_NAMES

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.inputs.sources import EXTNAV, SETS
+from ekf_stub.ahrs.sources import EXTNAV, SETS
 from mav_handlers.wire.messages import (
     EKF_STATUS_REPORT,
     GLOBAL_POSITION_INT,

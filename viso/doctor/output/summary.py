@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from ap_core.verdict import Outcome
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from viso.doctor.checks import limits
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.lags import lateness_ms, tells_lags

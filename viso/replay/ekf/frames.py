@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.core.imus import IMU_COLUMNS, MAX_IMUS, TIME_COLUMNS
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from ekf_stub.log.replay_log import INERTIAL, USE_ACCEL, USE_GYRO
 from viso.logs.record_fields import RecordError
 from viso.logs.recorded import table_of

@@ -18,11 +18,8 @@ from ekf_stub.core.core import AFFINITY_BARO, AFFINITY_GPS, AFFINITY_MAG
 from ekf_stub.core.imus import MAX_IMUS
 from ekf_stub.core.inertial import LOOP_DT
 from ekf_stub.core.inputs import Compasses, CompassReading
-from ekf_stub.inputs.flow_measurement import FlowMeasurement
-from ekf_stub.inputs.gps_sample import FIX_3D, GpsSample
-from ekf_stub.inputs.inertial import Array
-from ekf_stub.inputs.range_state import FinderState, RangeState, RangeStatus
-from ekf_stub.reports.core_report import Three
+from ekf_stub.inputs.measurements import FIX_3D, Array, FinderState, FlowMeasurement, GpsSample, RangeState, RangeStatus
+from ekf_stub.reports import Three
 from viso.logs.record_fields import finite, instance, numbers, text, whole
 
 _ORIGIN_SET: Final = " origin set"

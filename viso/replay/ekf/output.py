@@ -11,7 +11,7 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ekf_stub.core.core import Core
 from ekf_stub.log.ekf_log import EkfLog
-from ekf_stub.reports.core_report import CoreReport
+from ekf_stub.reports import CoreReport
 from viso.files.outputs import output_file
 from viso.logs.logger import STRUCTURES
 

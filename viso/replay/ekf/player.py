@@ -24,9 +24,7 @@ from ekf_stub.core.core import Core
 from ekf_stub.core.imus import Imus
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.params import EkfSources, Params
-from ekf_stub.inputs.inertial import Array
-from ekf_stub.inputs.places import Moved, from_imu, gps_seen_from
-from ekf_stub.inputs.range_state import RangeState
+from ekf_stub.inputs.measurements import Array, Moved, RangeState, from_imu, gps_seen_from
 from ekf_stub.log.replay_log import (
     ARMED,
     CHECK_LANE_SWITCH,
@@ -41,8 +39,7 @@ from ekf_stub.log.replay_log import (
 )
 from ekf_stub.log.reporting import UNINITIALISED, report_of
 from ekf_stub.release import REFERENCE
-from ekf_stub.reports.core_report import CoreReport, Three
-from ekf_stub.reports.core_texts import cores_of_mask, words_of
+from ekf_stub.reports import CoreReport, Three, cores_of_mask, words_of
 from viso.logs.record_fields import RecordError, finite, numbers, text, whole
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
 from viso.replay.ekf.frames import Frames

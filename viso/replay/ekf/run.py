@@ -14,11 +14,10 @@ import numpy as np
 from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.log_structure import ERR, EV, MSG, ORGN, QUIET_NAN
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from ekf_stub.log.ekf_log import PERIOD_US
 from ekf_stub.log.ekf_log_structure import XKF1, XKF3, XKF4
-from ekf_stub.reports.core_report import CoreReport
-from ekf_stub.reports.core_texts import MAV_SEVERITY_WARNING
+from ekf_stub.reports import MAV_SEVERITY_WARNING, CoreReport
 from viso.errors import InputError
 from viso.firmware.flown import profile_for, version_in
 from viso.firmware.releases import REFERENCE, Firmware

@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING, Final, Protocol
 
 from ap_core.fmath import f32, norm3
-from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.measurements import GpsSample
 from viso.vehicle.copter.arming import ANY_CHECK, Arming, Check, CheckLists
 from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.modes import FlightModes, Mode, ModeNumber

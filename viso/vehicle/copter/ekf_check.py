@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u32
-from ekf_stub.reports.filter_status import FilterStatus
+from ekf_stub.reports import FilterStatus
 
 if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle

@@ -5,7 +5,7 @@
 from collections.abc import Callable, Iterator
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
-from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
+from ekf_stub.reports import FilterFlag, FilterStatus
 
 
 class Estimates:

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs.ingest_rules import FilterOutcome
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from viso.vehicle.outcomes.labels import Fate, fate_of
 from viso.vehicle.vehicle import Vehicle
 

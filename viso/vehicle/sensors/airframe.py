@@ -10,7 +10,7 @@ import math
 from typing import Final, NamedTuple
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.inputs.inertial import InertialDelta
+from ekf_stub.inputs.measurements import InertialDelta
 from viso.vehicle.sensors.attitude import quat_of_rpy
 from viso.vehicle.sensors.motion import Moving, State, Truth, delta_between
 from viso.vehicle.sensors.vectors import ZERO, Three, added, scaled

@@ -8,7 +8,7 @@ A quaternion turns vectors from the body (FRD) to the earth (NED).
 import math
 from collections.abc import Iterable
 
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from viso.geometry import quaternions as quaternion
 from viso.vehicle.sensors.vectors import Three
 

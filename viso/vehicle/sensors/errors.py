@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from ekf_stub.core.imus import MAX_IMUS
-from ekf_stub.inputs.inertial import Array, ImuReading, InertialDelta, row_of
+from ekf_stub.inputs.measurements import Array, ImuReading, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.vehicle.sensors.vectors import Three

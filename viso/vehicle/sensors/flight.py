@@ -14,8 +14,7 @@ import numpy.typing as npt
 from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array, GpsSample
 from viso.estimators.series import IMPOSSIBLE_S
 from viso.logs.filter_records import parameters_in
 

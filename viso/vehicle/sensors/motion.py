@@ -7,7 +7,7 @@ from collections import deque
 from typing import Generic, NamedTuple, TypeVar
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.inputs.inertial import InertialDelta
+from ekf_stub.inputs.measurements import InertialDelta
 from viso.geometry import quaternions as quaternion
 from viso.vehicle.sensors.attitude import halfway, rotate_to_body, rotation_between
 from viso.vehicle.sensors.errors import exact_delta

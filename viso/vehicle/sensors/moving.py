@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ekf_stub.inputs.inertial import Array, numbers_of
+from ekf_stub.inputs.measurements import Array, numbers_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.geometry import quaternions as quaternion
 from viso.vehicle.sensors.motion import Moving

@@ -7,7 +7,7 @@ The reference reads both ten times per second, and its filter sees a reading in 
 
 from typing import Final
 
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from viso.geometry import quaternions as quaternion
 from viso.vehicle.sensors.attitude import rotate_to_body
 from viso.vehicle.sensors.errors import to_single

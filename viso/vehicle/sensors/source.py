@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from ap_core.clock import NEVER
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import SensorSource
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from viso.geometry import quaternions as quaternion

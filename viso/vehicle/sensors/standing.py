@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.inputs.inertial import Array, InertialDelta, row_of
+from ekf_stub.inputs.measurements import Array, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.vehicle.sensors.attitude import quat_of_rpy, rotate_to_body
 from viso.vehicle.sensors.errors import exact_delta

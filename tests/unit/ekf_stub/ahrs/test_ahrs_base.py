@@ -14,8 +14,8 @@ from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
+from ekf_stub.ahrs.sources import SourceYaw
 from ekf_stub.core.params import EkfSources
-from ekf_stub.inputs.sources import SourceYaw
 from ekf_stub.log.ext_nav_log import ExtNavLog, VisualOdomFrame
 
 START_US = 1_000_000

@@ -9,8 +9,7 @@ import pytest
 
 from ekf_stub.ahrs.cores import Cores
 from ekf_stub.core.vectors import quat_of_euler
-from ekf_stub.inputs.flow_measurement import FlowMeasurement
-from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
+from ekf_stub.inputs.measurements import DOWNWARD, FinderState, FlowMeasurement, RangeState, RangeStatus
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from viso.vehicle.sensors.errors import SensorErrors
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from ekf_stub.inputs.flow_measurement import FlowMeasurement
-from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeState, RangeStatus
+from ekf_stub.inputs.measurements import DOWNWARD, FinderState, FlowMeasurement, RangeState, RangeStatus
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig

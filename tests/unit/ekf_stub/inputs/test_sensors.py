@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ekf_stub.inputs.inertial import InertialDelta
+from ekf_stub.inputs.measurements import InertialDelta
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 
 REST = InertialDelta(np.array([0.0, 0.0, -0.0245]), np.zeros(3), 0.0025, 0.0025)

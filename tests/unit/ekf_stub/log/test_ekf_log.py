@@ -16,7 +16,7 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.log.reporting import UNINITIALISED
-from ekf_stub.reports.core_report import CoreReport, GsfReport, OdometryReport
+from ekf_stub.reports import CoreReport, GsfReport, OdometryReport
 from tests.unit.ekf_stub.filter_rig import FilterRig, standing
 
 PERIOD_US = 99_960  # of the recorded logs

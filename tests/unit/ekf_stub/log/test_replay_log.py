@@ -14,10 +14,7 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.flow_measurement import FlowMeasurement
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.inertial import ImuReading, InertialDelta
-from ekf_stub.inputs.range_state import FinderState, RangeState
+from ekf_stub.inputs.measurements import FinderState, FlowMeasurement, GpsSample, ImuReading, InertialDelta, RangeState
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import (

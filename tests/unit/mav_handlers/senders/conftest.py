@@ -13,8 +13,8 @@ from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.reports.filter_status import FilterStatus
+from ekf_stub.inputs.measurements import GpsSample
+from ekf_stub.reports import FilterStatus
 from mav_handlers.channel import Channel
 from mav_handlers.wire.messages import Message
 from viso.vehicle.vehicle import Vehicle

@@ -10,8 +10,8 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
+from ekf_stub.inputs.measurements import GpsSample
+from ekf_stub.reports import FilterFlag, FilterStatus
 from mav_handlers.senders.attitude import ahrs, ahrs2, attitude, attitude_quaternion, ekf_status_report
 from mav_handlers.wire.messages import AHRS, AHRS2, ATTITUDE, EKF_STATUS_REPORT
 

@@ -10,7 +10,7 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.measurements import GpsSample
 from mav_handlers.senders.position import (
     global_position_int,
     gps_global_origin,

@@ -9,7 +9,7 @@ import pytest
 from ap_core.internal_error import InternalError
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.measurements import GpsSample
 from mav_handlers.senders.sys_status import (
     SENSOR_3D_MAG,
     SENSOR_AHRS,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from viso.compare.estimates import MEASURED, Check, EstimateComparison, compare_estimates
 from viso.compare.tolerances import BENCH, FLIGHT, UNITS, end_s, kind_of_log, log_name
 from viso.replay.ekf.run import FIELDS, LABELS, EkfReplay

@@ -12,7 +12,7 @@ from ap_core.verdict import Outcome
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from viso.companion.trials.evaluation import TimedPoses
 from viso.compare.figures import BY_TIME, LOWER_IS_BETTER, OBJECTIVES, Judge, Row
 from viso.replay.run import ReplayOutcome, SaidText

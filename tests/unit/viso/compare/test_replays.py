@@ -9,7 +9,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from mav_handlers.wire.codec import Codec
 from tests.unit.viso.conftest import odometry
 from viso.compare.replays import (

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import quaternion
 
-from ekf_stub.reports.aiding_mode import AidingMode
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import AidingMode, FilterFlag
 from mav_handlers.wire.messages import ODOMETRY
 from tests.unit.viso.demo.hops import between
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD

@@ -9,8 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ekf_stub.reports.aiding_mode import AidingMode
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import AidingMode, FilterFlag
 from tests.unit.viso.demo.hops import ARM_S, Script, between, make_setup, play
 from viso.companion.vio.types import NavCameraFrame, VioState, WarmStartPose
 from viso.demo.errors import estimate_errors, odometry_errors

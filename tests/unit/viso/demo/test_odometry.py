@@ -9,7 +9,7 @@ from functools import cache
 
 import pytest
 
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from tests.unit.viso.companion.engine.compiled import inertial_engine
 from viso.companion.strategies.engine import EngineStrategy
 from viso.companion.vio.types import VioState

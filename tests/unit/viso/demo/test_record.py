@@ -5,8 +5,7 @@
 import numpy as np
 import pytest
 
-from ekf_stub.reports.aiding_mode import AidingMode
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import AidingMode, FilterFlag
 from tests.unit.viso.demo.hops import ARM_S, COMPANION_S, HOP_END_S, HOP_RESTART_S, hop
 from viso.companion.vio.types import VioState
 from viso.demo.record import AUTOPILOT, COMPANION, Health, LoopRecord, Said, StateSpan

@@ -14,8 +14,7 @@ import quaternion
 
 from ap_core.verdict import Outcome
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.reports.aiding_mode import AidingMode
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import AidingMode, FilterFlag
 from viso.companion.trials.scripted_flight import Flight
 from viso.compare import tolerances
 from viso.compare.estimates import compare_estimates

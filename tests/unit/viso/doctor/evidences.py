@@ -12,7 +12,7 @@ import numpy as np
 
 from ap_core.verdict import Verdict
 from ap_visualodom.verdicts import CONSUMED
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, Message
 from viso.doctor import CHECKS, Evidence, Finding, HandledMessage, diagnose

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ap_core.verdict import Outcome
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from viso.terminal.filter_report import (
     aiding_rows,
     aiding_table,

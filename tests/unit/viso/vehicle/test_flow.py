@@ -16,7 +16,7 @@ from ap_core.log_structure import LogStructure
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
-from ekf_stub.inputs.flow_measurement import FlowMeasurement
+from ekf_stub.inputs.measurements import FlowMeasurement
 from mav_handlers.wire.messages import OPTICAL_FLOW
 from viso.firmware.log_releases import OF
 from viso.parameters.table import make_groups

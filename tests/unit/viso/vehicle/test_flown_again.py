@@ -10,7 +10,7 @@ import pytest
 from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.measurements import GpsSample
 from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import by_ekf3

@@ -11,7 +11,7 @@ from ap_core.clock import VirtualClock
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.param import ParamTable
-from ekf_stub.inputs.range_state import DOWNWARD, FinderState, RangeStatus
+from ekf_stub.inputs.measurements import DOWNWARD, FinderState, RangeStatus
 from mav_handlers.wire.messages import DISTANCE_SENSOR
 from viso.firmware.log_releases import RFND
 from viso.firmware.releases import STABLE_4_6

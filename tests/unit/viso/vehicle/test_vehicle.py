@@ -14,7 +14,7 @@ from ap_core.internal_error import InternalError
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AhrsBase
-from ekf_stub.inputs.gps_sample import GpsSample
+from ekf_stub.inputs.measurements import GpsSample
 from mav_handlers.wire.messages import ATTITUDE, COMMAND_LONG, HEARTBEAT, SET_GPS_GLOBAL_ORIGIN, SYSTEM_TIME, TIMESYNC
 from viso.vehicle.rtc import OLDEST_VALID_UTC_US
 from viso.vehicle.vehicle import Vehicle, VehicleConfig

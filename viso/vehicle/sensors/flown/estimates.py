@@ -14,7 +14,7 @@ import numpy as np
 from ap_core.dataflash_columns import LogColumns
 from ap_core.location import METRES_PER_UNIT
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.turning import quats_of_euler, rotation_vectors
 from viso.vehicle.sensors.flight import PASS_US, Basis, Flight, chosen, growing

@@ -14,8 +14,7 @@ from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US
-from ekf_stub.inputs.gps_sample import FIX_3D, USUAL_LAG_S, GpsSample
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import FIX_3D, USUAL_LAG_S, Array, GpsSample
 from viso.logs.filter_records import rows_of
 from viso.vehicle.sensors.flight import (
     Event,

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from viso.logs.recorded import valid_positions
 from viso.vehicle.sensors.flight import PASS_US, REST_S, Basis, Flight, Ints, chosen, growing, imu_of, parameters
 from viso.vehicle.sensors.flown.events import ahrs_start_us, events_of, gps_of

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from viso.vehicle.sensors.flight import Ints, Readings, chosen, first_instance, has, parameters, readings
 
 _CORE: Final = 0

@@ -12,8 +12,7 @@ import numpy as np
 from ap_core.clock import NEVER
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.core.vectors import ONE, ZERO, add, conjugate, rotated, rotation_vector, times, turned
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.inputs.inertial import Array, ImuReading, InertialDelta
+from ekf_stub.inputs.measurements import Array, GpsSample, ImuReading, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.logs.recorded import read_columns

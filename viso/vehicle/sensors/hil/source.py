@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import Sensors
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from viso.geometry import quaternions as quaternion

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from ekf_stub.inputs.inertial import Array, InertialDelta
+from ekf_stub.inputs.measurements import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.files.text_files import read_text

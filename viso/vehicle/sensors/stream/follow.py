@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from ap_core.cint import i32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.inertial import InertialDelta
+from ekf_stub.inputs.measurements import InertialDelta
 from viso.geometry import quaternions as quaternion
 from viso.geometry.attitude import euler_of
 from viso.vehicle.sensors.errors import exact_delta

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from viso.geometry import quaternions as quaternion
 from viso.vehicle.sensors.attitude import rotation_between
 from viso.vehicle.sensors.stream.imagined_vehicle import MAX_ACCEL, Movement

@@ -16,7 +16,7 @@ import pytest
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.inputs.ingest_rules import FUSED, GATE_POSITION
 from ekf_stub.log.ekf_log_structure import XKFS
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from tests.places import DATA
 from tests.unit.viso.command_line import Viso
 from tests.unit.viso.conftest import odometry

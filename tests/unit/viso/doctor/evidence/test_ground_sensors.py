@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.inputs.range_state import RangeStatus
+from ekf_stub.inputs.measurements import RangeStatus
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import DISTANCE_SENSOR
 from tests.unit.viso.report.log_maker import LogMaker

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from ekf_stub.inputs.flow_measurement import FlowMeasurement
-from ekf_stub.inputs.range_state import FinderState, RangeState
+from ekf_stub.inputs.measurements import FinderState, FlowMeasurement, RangeState
 from ekf_stub.log.replay_log import ARMED, TAKEOFF_EXPECTED
 from viso.replay.ekf.inputs import ReplayInputs, flow_of
 

@@ -11,8 +11,8 @@ from ap_core.internal_error import InternalError
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.gps_sample import GpsSample
-from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
+from ekf_stub.inputs.measurements import GpsSample
+from ekf_stub.reports import FilterFlag, FilterStatus
 from viso.logs.files import LogStoreError
 from viso.logs.sink import LogSink
 from viso.vehicle.copter.modes import ModeNumber

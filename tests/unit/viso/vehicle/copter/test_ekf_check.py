@@ -9,7 +9,7 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.log_field import LogValue
-from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
+from ekf_stub.reports import FilterFlag, FilterStatus
 from mav_handlers.wire.messages import HEARTBEAT, SET_GPS_GLOBAL_ORIGIN
 from tests.copies import Copies
 from tests.unit.viso.conftest import NAVIGATES, booted

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ap_core.vector3 import Vector3f
-from ekf_stub.reports.filter_status import FilterFlag, FilterStatus
+from ekf_stub.reports import FilterFlag, FilterStatus
 from viso.vehicle.copter.estimates import Estimates
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ap_core.location import Location
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import FilterFlag
 from viso.vehicle.copter.modes import AVAILABLE_MODES, MODES, ModeNumber
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
-from ekf_stub.reports.aiding_mode import AidingMode
+from ekf_stub.reports import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from tests.copies import Copies
 from tests.unit.viso.conftest import Bench, booted, odometry

@@ -18,12 +18,11 @@ from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.params import EkfSources, Params
 from ekf_stub.core.samples import RingSizes
-from ekf_stub.inputs.inertial import numbers_of
+from ekf_stub.inputs.measurements import numbers_of
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 from ekf_stub.log.reporting import report_of
 from ekf_stub.release import REFERENCE
-from ekf_stub.reports.core_report import CoreReport
-from ekf_stub.reports.core_texts import words_of
+from ekf_stub.reports import CoreReport, words_of
 from viso.parameters.ekf3 import FLOW_LIMIT_LATER
 from viso.parameters.table import make_groups
 from viso.vehicle.sensors.stream.follow import FollowSource

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ekf_stub.inputs.inertial import ImuReading, InertialDelta
+from ekf_stub.inputs.measurements import ImuReading, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.vehicle.sensors.errors import NO_ERRORS, ErrorModel, SensorErrors, exact_delta, parse_errors

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.inertial import numbers_of
+from ekf_stub.inputs.measurements import numbers_of
 from viso.vehicle.sensors.airframe import Demand
 from viso.vehicle.sensors.flying import FlyingSource
 from viso.vehicle.sensors.moving import MovingSource

@@ -11,7 +11,7 @@ import pytest
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.reports.filter_status import FilterFlag
+from ekf_stub.reports import FilterFlag
 from mav_handlers.handlers.commands.flight import GuidedTarget
 from tests.copies import Copies
 from tests.unit.viso.conftest import CopterRig

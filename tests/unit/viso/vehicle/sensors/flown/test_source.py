@@ -13,7 +13,7 @@ from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ATT, COMMON_STRUCTURES
 from ekf_stub.core.inertial import DownSampler, Inertial
-from ekf_stub.inputs.inertial import InertialDelta, numbers_of
+from ekf_stub.inputs.measurements import InertialDelta, numbers_of
 from ekf_stub.inputs.sensors import Sensors
 from tests.places import DATA
 from viso.errors import InputError

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from viso.vehicle.sensors.script.legs import (
     CurveAt,
     CurveLeg,

@@ -12,7 +12,7 @@ import quaternion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ekf_stub.inputs.inertial import Array
+from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.vehicle.sensors.attitude import halfway, rotation_between

@@ -17,7 +17,7 @@ from ap_core.cint import u32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.inputs.inertial import Array, InertialDelta
+from ekf_stub.inputs.measurements import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from tests.unit.viso.vehicle.sensors.conftest import LEVEL, LOOP_US, Three, Wxyz, yawed
 from viso.geometry.attitude import euler_of

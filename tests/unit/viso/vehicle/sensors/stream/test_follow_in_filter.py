@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from ekf_stub.reports.core_report import CoreReport
+from ekf_stub.reports import CoreReport
 from tests.places import DATA
 from tests.unit.viso.vehicle.sensors.conftest import LEVEL, LOOP_US, FilterLoop, Three, Wxyz, yawed
 from viso.logs.recorded import read_log

@@ -4,9 +4,8 @@
 
 import pytest
 
-from ekf_stub.ahrs.source_check import SENSORS, source_failure
+from ekf_stub.ahrs.sources import ROWS, SENSORS, source_failure
 from ekf_stub.core.params import EkfSources
-from ekf_stub.inputs.sources import ROWS
 
 LEGAL = {
     "POSXY": {0, 3, 4, 6},

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
+from ekf_stub.ahrs.sources import ROWS, SourceXY, SourceYaw, SourceZ
 from ekf_stub.core.params import EkfSources
-from ekf_stub.inputs.sources import ROWS, SourceXY, SourceYaw, SourceZ
 
 # A second set with external navigation for everything.
 SECOND = {"SRC2_POSXY": SourceXY.EXTNAV, "SRC2_POSZ": SourceZ.EXTNAV}

@@ -5,7 +5,7 @@
 import pytest
 
 from ekf_stub.core import events
-from ekf_stub.reports.core_texts import cores_of_mask, words_of
+from ekf_stub.reports import cores_of_mask, words_of
 
 
 @pytest.mark.parametrize(("mask", "cores"), [(0, ()), (1, (0,)), (2, (1,)), (3, (0, 1)), (7, (0, 1)), (-1, (0, 1))])

@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a filter core says of itself at a moment: the source of its log records and of telemetry."""
+"""Plain values that every room may return: what a core knows, what it does, and its texts in words."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from enum import Enum, IntFlag
+from typing import Final, NamedTuple
 
 Three = tuple[float, float, float]
 
@@ -147,3 +149,83 @@ class CoreReport:
     gsf: GsfReport | None = None
     error_score: float = 0.0
     relative_error: float = 0.0
+
+
+class AidingMode(Enum):
+    """At a constant position, by absolute position, or by relative motion."""
+
+    NONE = "none"
+    ABSOLUTE = "absolute"
+    RELATIVE = "relative"
+
+
+class FilterFlag(IntFlag):
+    """Bits of nav_filter_status, which are those of EKF_STATUS_REPORT as far as that has them."""
+
+    ATTITUDE = 1 << 0
+    HORIZ_VEL = 1 << 1
+    VERT_VEL = 1 << 2
+    HORIZ_POS_REL = 1 << 3
+    HORIZ_POS_ABS = 1 << 4
+    VERT_POS = 1 << 5
+    TERRAIN_ALT = 1 << 6
+    CONST_POS_MODE = 1 << 7
+    PRED_HORIZ_POS_REL = 1 << 8
+    PRED_HORIZ_POS_ABS = 1 << 9
+    UNINITIALISED = 1 << 10
+    GPS_GLITCHING = 1 << 15
+
+
+class FilterStatus(NamedTuple):
+    """Flags and the square roots of test ratios of the primary core; 1.0 is at the gate."""
+
+    flags: FilterFlag
+    velocity_variance: float = 0.0
+    pos_horiz_variance: float = 0.0
+    pos_vert_variance: float = 0.0
+    compass_variance: float = 0.0
+    terrain_alt_variance: float = 0.0
+    airspeed_variance: float = 0.0
+
+
+MAV_SEVERITY_CRITICAL: Final = 2
+MAV_SEVERITY_WARNING: Final = 4
+MAV_SEVERITY_INFO: Final = 6
+NUMBER_OF_IMUS: Final = 2
+
+_WORDS: Final = (
+    (MAV_SEVERITY_INFO, "tilt alignment complete"),
+    (MAV_SEVERITY_INFO, "origin set"),
+    (MAV_SEVERITY_INFO, "initialised"),
+    (MAV_SEVERITY_WARNING, "forced reset"),
+    (MAV_SEVERITY_WARNING, "stopped aiding"),
+    (MAV_SEVERITY_INFO, "started relative aiding"),
+    (MAV_SEVERITY_INFO, "is using GPS"),
+    (MAV_SEVERITY_INFO, "is using external nav data"),
+    (MAV_SEVERITY_INFO, "initial pos NED = {:3.1f},{:3.1f},{:3.1f} (m)"),
+    (MAV_SEVERITY_INFO, "initial vel NED = {:3.1f},{:3.1f},{:3.1f} (m/s)"),
+    (MAV_SEVERITY_INFO, "fusing odometry"),
+    (MAV_SEVERITY_INFO, "fusing optical flow"),
+    (MAV_SEVERITY_INFO, "switching to compass {:.0f}"),
+    (MAV_SEVERITY_INFO, "yaw aligned"),
+    (MAV_SEVERITY_INFO, "yaw aligned to GPS velocity"),
+    (MAV_SEVERITY_INFO, "yaw aligned using GPS"),
+    (MAV_SEVERITY_WARNING, "emergency yaw reset"),
+    (MAV_SEVERITY_INFO, "MAG{:.0f} initial yaw alignment complete"),
+    (MAV_SEVERITY_INFO, "MAG{:.0f} in-flight yaw alignment complete"),
+    (MAV_SEVERITY_WARNING, "MAG{:.0f} ground mag anomaly, yaw re-aligned"),
+    (MAV_SEVERITY_CRITICAL, "EKF3 lane switch {:.0f}"),
+    (MAV_SEVERITY_WARNING, "EKF3: origin already set"),
+)
+"""Severity and words of each text, by its number in `ekf_stub.core.events`."""
+
+
+def words_of(code: int, values: Sequence[float]) -> tuple[int, str]:
+    """Return the severity of a text of the filter and its words, without the ``EKF3 IMU0 `` that names a core."""
+    severity, words = _WORDS[code]
+    return severity, words.format(*values)
+
+
+def cores_of_mask(imu_mask: int, imus: int = NUMBER_OF_IMUS) -> tuple[int, ...]:
+    """Return the IMU of each core by EK3_IMU_MASK, of as many as there are."""
+    return tuple(imu for imu in range(imus) if imu_mask >> imu & 1)

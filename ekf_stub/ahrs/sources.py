@@ -1,12 +1,52 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether the source sets make sense before arming (AP_NavEKF/AP_NavEKF_Source.cpp, pre_arm_check)."""
+"""The source sets EK3_SRCn: what each row may name, and what it needs (AP_NavEKF/AP_NavEKF_Source.cpp)."""
 
 from collections.abc import Callable, Iterator, Mapping
+from enum import IntEnum
 from typing import Final
 
 from ekf_stub.core.params import EkfSources
-from ekf_stub.inputs.sources import SETS, SourceXY, SourceYaw, SourceZ
+
+SETS: Final = 3
+
+
+class SourceXY(IntEnum):
+    """EK3_SRCn_POSXY and EK3_SRCn_VELXY."""
+
+    NONE = 0
+    GPS = 3
+    BEACON = 4
+    OPTFLOW = 5
+    EXTNAV = 6
+    WHEEL_ENCODER = 7
+
+
+class SourceZ(IntEnum):
+    """EK3_SRCn_POSZ and EK3_SRCn_VELZ."""
+
+    NONE = 0
+    BARO = 1
+    RANGEFINDER = 2
+    GPS = 3
+    BEACON = 4
+    EXTNAV = 6
+
+
+class SourceYaw(IntEnum):
+    """EK3_SRCn_YAW."""
+
+    NONE = 0
+    COMPASS = 1
+    GPS = 2
+    GPS_COMPASS_FALLBACK = 3
+    EXTNAV = 6
+    GSF = 8
+
+
+ROWS: Final = ("POSXY", "VELXY", "POSZ", "VELZ", "YAW")
+EXTNAV: Final = 6  # in every row
+
 
 BARO: Final = "Baro"
 BEACON: Final = "Beacon"
