@@ -16,8 +16,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 UV = "uv==0.13.8"
-RUN_EXTRAS = ("bags", "fast", "landmarks", "plot", "sweep", "vio", "web")
-"""What the commands of the README take, and what makes them fast; the other extras are large, and for few."""
+RUN_EXTRAS = ("bags", "landmarks", "plot", "sweep", "vio", "web")
+"""What the commands of the README take; the other extras are large, and for few."""
 OPTIONS = (
     "--quiet",
     "--universal",

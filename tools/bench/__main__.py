@@ -16,7 +16,7 @@ import pyperf
 from tools.bench.table import BENCHES, Bench
 from tools.measured_page import commit
 
-PACKAGES = ("numpy", "pymavlink", "numpy-quaternion", "mypy")
+PACKAGES = ("numpy", "pymavlink", "mypy")
 
 
 def about() -> dict[str, str]:

@@ -13,7 +13,7 @@ from ap_core.internal_error import InternalErrors
 from ap_core.rotations import Rotation, rotate_vector
 from ap_core.vector3 import Vector3f
 from ap_visualodom.var_info import VAR_INFO
-from viso.estimators.turning import Array
+from viso.geometry.rotation import Array
 
 # The directions of the axes x, y, z of the vehicle and of the earth, then of their opposites.
 BODY_WORDS: Final = ("forward", "right", "down", "back", "left", "up")

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.estimators.least_squares import blocks_of, fit
-from viso.estimators.pairs import TurnPair, best_rotation, centred, correlation_of, cross_matrices, turn_pair
-from viso.estimators.turning import Array
+from viso.estimators.pairs import TurnPair, centred, correlation_of, turn_pair
+from viso.geometry.rotation import Array, best_rotation
+from viso.geometry.se3 import skews
 
 SEARCH_MS: Final = (-100.0, 400.0)
 """The least and the largest delay to consider."""
@@ -122,7 +123,7 @@ def _refined(pair: TurnPair, delay_ms: float) -> Delay:
         stream = centred(chosen.stream_rad) @ rotation.T
         later, earlier = (chosen.vehicle_rad(delay_s + step_s)[0] for step_s in (_SLOPE_STEP_S, -_SLOPE_STEP_S))
         slope = centred(later - earlier) / (2 * _SLOPE_STEP_S)
-        design = np.concatenate([slope[:, :, None], cross_matrices(stream)], axis=2)
+        design = np.concatenate([slope[:, :, None], skews(stream)], axis=2)
         step, covariance = fit(design, stream - vehicle, blocks_of(chosen.start_s, _SHORTEST_BLOCK_S))
         sigma_ms = math.sqrt(covariance[0, 0]) * 1e3
         delay_ms += float(np.clip(step[0] * 1e3, -_GRID_MS, _GRID_MS))

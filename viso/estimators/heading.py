@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 
 from viso.estimators.axis_rotations import PROPER
-from viso.estimators.quaternion_arrays import matrices_of
-from viso.estimators.turning import Array
+from viso.geometry.rotation import Array, rotations_from_quats
 
 _ENOUGH: Final = 500
 _DIRECTIONS: Final = np.radians(np.arange(0.0, 360.0, 2.0))
@@ -25,7 +24,7 @@ def heading_departure(stream_wxyz: Array, vehicle_wxyz: Array) -> Array:
         stream_wxyz: unit quaternions from the stream's body to its world, [N, 4].
         vehicle_wxyz: of the vehicle, from its body (FRD) to the earth (NED), at the same times.
     """
-    stream, vehicle = matrices_of(stream_wxyz), matrices_of(vehicle_wxyz)
+    stream, vehicle = rotations_from_quats(stream_wxyz), rotations_from_quats(vehicle_wxyz)
     every = max(1, len(stream) // _ENOUGH)
 
     def fixed(body: Array) -> float:

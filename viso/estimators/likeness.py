@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from viso.estimators.pairs import correlation_of
 from viso.estimators.positions import WINDOW_S, Moves, best_turn, clean, interpolated, moves_of
-from viso.estimators.turning import Array
+from viso.geometry.rotation import Array
 
 LEAST_FLOWN_M: Final = 2.0
 LEAST_MOVE_M: Final = 0.3

@@ -15,11 +15,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.axis_rotations import BODY_WORDS, EARTH_WORDS, PROPER, AxisMap
 from viso.estimators.least_squares import FEWEST_BLOCKS, blocks_of, mean_and_sigma
-from viso.estimators.pairs import best_rotation, centred, correlation_of, turn_pair
-from viso.estimators.turning import Array, attitudes_of
+from viso.estimators.pairs import centred, correlation_of, turn_pair
+from viso.estimators.turning import attitudes_of
+from viso.geometry.rotation import Array, best_rotation, rotations_from_quats
 
 LEAST_CORRELATION: Final = 0.6
 LEAST_MARGIN_SIGMAS: Final = 4.0
@@ -190,8 +190,8 @@ def estimate_world_axes(
     if known.sum() < _FEWEST_SAMPLES or int(blocks.max()) + 1 < FEWEST_BLOCKS:
         return WorldAxes(AxisMap((1, 2, 3)), math.nan, math.inf, False)
     to_vehicle = body_axes.matrix
-    to_earth = quaternion.as_rotation_matrix(attitudes[known]) @ to_vehicle
-    to_earth = to_earth @ quaternion.as_rotation_matrix(stream.quats[known]).transpose(0, 2, 1)
+    to_earth = rotations_from_quats(attitudes[known]) @ to_vehicle
+    to_earth = to_earth @ rotations_from_quats(stream.quats[known]).transpose(0, 2, 1)
     return _world_of(to_earth, blocks)
 
 

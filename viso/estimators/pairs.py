@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.estimators.least_squares import inliers
-from viso.estimators.turning import Array, Attitudes, attitudes_of, turns, window_of, windows
+from viso.estimators.turning import Attitudes, attitudes_of, turns, window_of, windows
+from viso.geometry.rotation import Array
 
 Mask = npt.NDArray[np.bool_]
 
@@ -87,21 +88,3 @@ def correlation_of(source: Array, target: Array) -> float:
     """Return the correlation of vectors [N, 3] with others as they stand, -1 to 1; 0 where nothing moves."""
     energy = math.sqrt(float(np.sum(source**2)) * float(np.sum(target**2)))
     return float(np.sum(source * target)) / energy if energy > 0 else 0.0
-
-
-def best_rotation(source: Array, target: Array) -> Array:
-    """Return the rotation [3, 3] that turns vectors [N, 3] into others best.
-
-    Source: Kabsch, A solution for the best rotation to relate two sets of vectors (1976).
-    """
-    left, _, right = np.linalg.svd(target.T @ source)
-    turned: Array = (left * np.array([1.0, 1.0, np.sign(np.linalg.det(left) * np.linalg.det(right))])) @ right
-    return turned
-
-
-def cross_matrices(vectors: Array) -> Array:
-    """Return the matrices [N, 3, 3] that multiply as the cross product with vectors [N, 3] does."""
-    x, y, z = vectors.T
-    zero = np.zeros(len(vectors))
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -16,7 +16,8 @@ from viso.estimators.axis_rotations import EARTH_WORDS, MIRRORED, PROPER
 from viso.estimators.least_squares import blocks_of, fit, inliers
 from viso.estimators.orientation import UNDECIDED, ChosenAxes, choose_axes
 from viso.estimators.pairs import centred, correlation_of
-from viso.estimators.turning import Array, newest, windows
+from viso.estimators.turning import newest, windows
+from viso.geometry.rotation import Array, rotations_from_euler
 
 WINDOW_S: Final = 2.0
 LEAST_CORRELATION: Final = 0.8
@@ -122,14 +123,9 @@ def estimate_position_axes(
     if len(moves.start_s) < _FEWEST_SAMPLES:
         return ChosenAxes(UNDECIDED, False, *_POSITION)
     stream = centred(moves.stream_m)
-    reference = centred(moves.reference_m) @ _about_down(heading_deg).T
+    reference = centred(moves.reference_m) @ rotations_from_euler((0.0, 0.0, math.radians(heading_deg)))
     choice = choose_axes(stream, reference, (*PROPER, *MIRRORED), blocks_of(moves.start_s, WINDOW_S))
     return ChosenAxes(choice, choice.is_clear and _moves_enough(reference), *_POSITION)
-
-
-def _about_down(heading_deg: float) -> Array:
-    cos, sin = math.cos(math.radians(heading_deg)), math.sin(math.radians(heading_deg))
-    return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def clean(time_us: npt.ArrayLike, pos_m: npt.ArrayLike) -> tuple[Array, Array]:

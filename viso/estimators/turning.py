@@ -7,15 +7,19 @@ cancels out, and the noise of single attitudes is not divided by a short time.
 """
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from viso.estimators import quaternion_arrays as quaternion
-from viso.geometry.quaternions import one
-
-Array = npt.NDArray[np.float64]
+from viso.geometry.rotation import (
+    IDENTITY_QUAT,
+    Array,
+    inverse,
+    product,
+    quats_from_rotation_vectors,
+    rotation_vectors_from_quats,
+)
 
 SHORTEST_WINDOW_S: Final = 0.2
 _LONGEST_GAP_S: Final = 0.5
@@ -28,41 +32,27 @@ class Attitudes:
 
     Attributes:
         time_s: [N], strictly growing.
-        quats: [N] of numpy-quaternion, unit, from the body to a world that does not turn.
+        quats: [N, 4], unit, w, x, y, z, from the body to a world that does not turn.
         steps_rad: rotation vectors from each to the next, [N - 1, 3].
     """
 
     time_s: Array
-    quats: Any
+    quats: Array
     steps_rad: Array
 
     def __len__(self) -> int:
         return len(self.time_s)
 
-    def at(self, time_s: Array) -> tuple[Any, npt.NDArray[np.bool_]]:
-        """Return the attitudes at times [K], and which are known: those of no gap, before the end, after the start."""
+    def at(self, time_s: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+        """Return the attitudes [K, 4] at times [K], and which are known: within the recording, and in no gap."""
         if len(self) < 2:
-            return np.full(len(time_s), one), np.zeros(len(time_s), bool)
+            return np.tile(IDENTITY_QUAT, (len(time_s), 1)), np.zeros(len(time_s), bool)
         after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, len(self) - 1)
         step_s = self.time_s[after] - self.time_s[after - 1]
         share = (time_s - self.time_s[after - 1]) / step_s
         known = (share >= 0) & (share <= 1) & (step_s <= _LONGEST_GAP_S)
-        turned = quaternion.from_rotation_vector(self.steps_rad[after - 1] * share[:, None])
-        return self.quats[after - 1] * turned, known
-
-
-def quats_of_euler(roll_pitch_yaw_rad: npt.ArrayLike) -> Array:
-    """Return the quaternions w, x, y, z [N, 4] of 3-2-1 Euler angles [N, 3] in rad, as ATTITUDE has them."""
-    half = 0.5 * np.asarray(roll_pitch_yaw_rad, np.float64).reshape(-1, 3)
-    zero = np.zeros(len(half))
-    roll, pitch, yaw = (
-        quaternion.as_quat_array(
-            np.column_stack([np.cos(half[:, axis]), *(np.sin(half[:, axis]) if axis == k else zero for k in range(3))])
-        )
-        for axis in range(3)
-    )
-    quats: Array = quaternion.as_float_array(yaw * pitch * roll)
-    return quats
+        turned = quats_from_rotation_vectors(self.steps_rad[after - 1] * share[:, None])
+        return product(self.quats[after - 1], turned), known
 
 
 def attitudes_of(time_us: npt.ArrayLike, quat_wxyz: npt.ArrayLike) -> Attitudes:
@@ -81,8 +71,9 @@ def attitudes_of(time_us: npt.ArrayLike, quat_wxyz: npt.ArrayLike) -> Attitudes:
     times, values = times[usable], values[usable]
     newer = newest(times)
     values = values[newer]
-    quats = quaternion.as_quat_array(values / np.linalg.norm(values, axis=1, keepdims=True))
-    return Attitudes(times[newer] * _US, quats, rotation_vectors(quats[:-1].conj() * quats[1:]))
+    quats = values / np.linalg.norm(values, axis=1, keepdims=True)
+    steps = rotation_vectors_from_quats(product(inverse(quats[:-1]), quats[1:]))
+    return Attitudes(times[newer] * _US, quats, steps)
 
 
 def window_of(track: Attitudes) -> float:
@@ -100,22 +91,11 @@ def windows(time_s: Array, length_s: float) -> tuple[npt.NDArray[np.intp], npt.N
     return start[close], end[close]
 
 
-def rotation_vectors(quats: Any) -> Array:
-    """Return the rotation vectors [N, 3] in rad of quaternions [N], the shorter way."""
-    parts: Array = quaternion.as_float_array(quats)
-    parts = np.where(parts[:, :1] < 0, -parts, parts)
-    sine = np.linalg.norm(parts[:, 1:], axis=1)
-    angle = 2 * np.arctan2(sine, parts[:, 0])
-    factor = np.divide(angle, sine, out=np.full(len(sine), 2.0), where=sine > 0)
-    vectors: Array = parts[:, 1:] * factor[:, None]
-    return vectors
-
-
 def turns(track: Attitudes, start_s: Array, end_s: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Return the rotation vectors [K, 3] in rad from times to others, in the first body frame; and which are known."""
     first, first_known = track.at(start_s)
     second, second_known = track.at(end_s)
-    return rotation_vectors(first.conj() * second), first_known & second_known
+    return rotation_vectors_from_quats(product(inverse(first), second)), first_known & second_known
 
 
 def newest(times: Array) -> npt.NDArray[np.bool_]:

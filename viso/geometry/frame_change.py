@@ -15,10 +15,10 @@ from typing import Final
 
 import numpy as np
 
+from viso.geometry.rotation import inverse, product, rotations_from_euler
 from viso.geometry.se3 import ORTHONORMAL, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
 from viso.geometry.trajectory import RecordedTrajectory
 
-_BACK: Final = np.array((1.0, -1.0, -1.0, -1.0))  # makes of a turn the one back
 # North and forward are x of the autopilot, east and right y, down z.
 _DIRECTIONS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
     {"N": (0, 1), "F": (0, 1), "S": (0, -1), "B": (0, -1), "E": (1, 1), "R": (1, 1), "W": (1, -1), "L": (1, -1)}
@@ -93,23 +93,14 @@ def parse_rotation(text: str) -> Array:
     numbers = [float(part) for part in text.split(",")]
     if len(numbers) not in (3, 4, 9):
         raise ValueError(f"{text!r}: 3, 4 or 9 numbers make a rotation, not {len(numbers)}")
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError(f"{text!r} is no rotation")
     if len(numbers) == 4:
         return rotation_from_quat_wxyz(numbers)
-    matrix = np.array(numbers).reshape(3, 3) if len(numbers) == 9 else _from_rpy(numbers)
+    matrix = np.array(numbers).reshape(3, 3) if len(numbers) == 9 else rotations_from_euler(np.radians(numbers))
     if not np.abs(matrix @ matrix.T - np.eye(3)).max() < 1000 * ORTHONORMAL or _handedness(matrix) < 0:
         raise ValueError(f"{text!r} is no rotation")
     return rotation_from_quat_wxyz(quat_wxyz_from_rotation(matrix))  # exactly orthonormal
-
-
-def _from_rpy(rpy_deg: list[float]) -> Array:
-    roll, pitch, yaw = map(math.radians, rpy_deg)
-    return _turn(2, yaw) @ _turn(1, pitch) @ _turn(0, roll)
-
-
-def _turn(axis: int, angle_rad: float) -> Array:
-    quat = np.zeros(4)
-    quat[0], quat[1 + axis] = math.cos(0.5 * angle_rad), math.sin(0.5 * angle_rad)
-    return rotation_from_quat_wxyz(quat)
 
 
 def _handedness(matrix: Array) -> float:
@@ -139,7 +130,7 @@ class FrameChange:
     def apply(self, trajectory: RecordedTrajectory) -> RecordedTrajectory:
         """Return the trajectory of the vehicle: attitudes from FRD, positions and velocities in NED or FRD."""
         sign = _handedness(self.world)
-        world = _turn(2, self.yaw_rad) @ self.world
+        world = rotations_from_euler((0.0, 0.0, self.yaw_rad)) @ self.world
         origin = trajectory.positions[0] if self.from_zero else np.zeros(3)
         velocities = trajectory.velocities
         # Two mirrored matrices make a rotation together, and so do the two that are left without their mirrors.
@@ -147,7 +138,7 @@ class FrameChange:
         return replace(
             trajectory,
             positions=(trajectory.positions - origin) @ world.T * self.scale,
-            quats_wxyz=_product(_product(left, trajectory.quats_wxyz), right * _BACK),
+            quats_wxyz=product(product(left, trajectory.quats_wxyz), inverse(right)),
             velocities=None if velocities is None else velocities @ world.T * self.scale,
             covariances=self._covariances(trajectory.covariances, world, sign),
         )
@@ -159,17 +150,3 @@ class FrameChange:
         change[:3, :3], change[3:, 3:] = self.scale * world, sign * world  # a rotation vector is an axial one
         changed: Array = change @ covariances @ change.T
         return changed
-
-
-def _product(first: Array, second: Array) -> Array:
-    """Return the products [..., 4] of quaternions w, x, y, z [..., 4]."""
-    (a, b, c, d), (w, x, y, z) = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
-    return np.stack(
-        (
-            a * w - b * x - c * y - d * z,
-            a * x + b * w + c * z - d * y,
-            a * y - b * z + c * w + d * x,
-            a * z + b * y - c * x + d * w,
-        ),
-        axis=-1,
-    )

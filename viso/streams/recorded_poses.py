@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from mav_handlers.wire.codec import Codec
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.errors import InputError, told_errors
-from viso.estimators import quaternion_arrays as quaternion
 from viso.geometry.records import Records, TrajectoryError
-from viso.geometry.se3 import Array, quat_wxyz_from_rotation
+from viso.geometry.rotation import Array, euler_from_quats, inverse, product, rotate
+from viso.geometry.se3 import quat_wxyz_from_rotation
 from viso.geometry.trajectory import Pose
 from viso.streams.messages import FORMS, Report
 from viso.streams.readers import Source, load_records
@@ -74,9 +74,7 @@ def _in_body(quat_wxyz: Array, velocity: Array) -> tuple[float, float, float]:
     if not math.isfinite(norm) or norm < 1e-6:
         x, y, z = velocity.tolist()
         return x, y, z
-    w, axis = quat_wxyz[0] / norm, -quat_wxyz[1:] / norm
-    twice = 2 * np.cross(axis, velocity)
-    x, y, z = (velocity + w * twice + np.cross(axis, twice)).tolist()
+    x, y, z = rotate(inverse(quat_wxyz / norm), velocity).tolist()
     return x, y, z
 
 
@@ -85,20 +83,18 @@ def _euler(quat_wxyz: Array) -> tuple[float, float, float]:
     norm = float(np.linalg.norm(quat_wxyz))
     if not math.isfinite(norm) or norm == 0:
         return math.nan, math.nan, math.nan
-    w, x, y, z = (quat_wxyz / norm).tolist()
-    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = math.asin(min(max(2 * (w * y - z * x), -1.0), 1.0))
-    return roll, pitch, math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    roll, pitch, yaw = euler_from_quats(quat_wxyz / norm).tolist()
+    return roll, pitch, yaw
 
 
 def _in_axes(records: Records, axes: str) -> _Poses:
     """Return records in the autopilot's axes; numbers that are none stay so."""
     world, body = axes_of(axes)
     sign = math.copysign(1.0, float(np.linalg.det(world)))  # mirrored axes are so on both sides
-    left, right = (quaternion.quaternion(*quat_wxyz_from_rotation(sign * matrix)) for matrix in (world, body))
+    left, right = (quat_wxyz_from_rotation(sign * matrix) for matrix in (world, body))
     positions = np.array(records.positions, dtype=np.float64).reshape(-1, 3)
     quats = np.array(records.quats_wxyz, dtype=np.float64).reshape(-1, 4)
-    turned = quaternion.as_float_array(left * quaternion.as_quat_array(quats) * right.conj())
+    turned = product(product(left, quats), inverse(right))
     velocities = np.zeros_like(positions)
     if records.velocities is not None:
         velocities = np.array(records.velocities, dtype=np.float64).reshape(-1, 3)

@@ -12,6 +12,7 @@ from typing import Final
 
 from ap_core.clock import NEVER
 from ap_core.param_group import ParamGroup
+from ekf_stub.core.vectors import ONE, Quat, conjugate, cross, euler_of, quat_of_euler, rotated, times
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import (
     HEARTBEAT,
@@ -22,11 +23,8 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
-from viso.geometry import quaternions as quaternion
-from viso.geometry.attitude import euler_of
 from viso.vehicle.sensors.airframe import Airframe
-from viso.vehicle.sensors.attitude import quat_of_rpy, rotate_to_body
-from viso.vehicle.sensors.vectors import Three, added, turned
+from viso.vehicle.sensors.vectors import Three, added, to_body, turned
 
 SYSTEM_ID: Final = 17
 COMPONENT_ID: Final = 18
@@ -65,7 +63,7 @@ class Vicon:
         self._places = [_Waiting() for _ in range(PLACES)]
         self._heartbeat_us = self._observed_us = 0
         self._last_pos: Three = (0.0, 0.0, 0.0)
-        self._last_quat = quaternion.quaternion(1.0, 0.0, 0.0, 0.0)
+        self._last_quat = ONE
 
     def next_us(self) -> int:
         """Return when it does something next."""
@@ -108,12 +106,12 @@ class Vicon:
 
     def _observe(self, now_us: int) -> None:
         params, truth, rates = self._params, self._airframe.truth(), self._airframe.felt()[1]
-        attitude = quaternion.quaternion(*truth.quat_wxyz)
+        attitude = truth.quat_wxyz
         roll, pitch, yaw = self._airframe.state.rpy
         markers = self._vector("POS")
-        pos = added(added(truth.pos_ned, _to_earth(attitude, markers)), self._vector("GLIT"))
+        pos = added(added(truth.pos_ned, rotated(attitude, markers)), self._vector("GLIT"))
         pos = added(pos, self._noise("P_SD"))
-        vel = added(added(truth.vel_ned, _to_earth(attitude, _cross(rates, markers))), self._vector("VGLI"))
+        vel = added(added(truth.vel_ned, rotated(attitude, cross(rates, markers))), self._vector("VGLI"))
         turned_rad = math.radians(params.get_int("YAW"))
         if turned_rad:
             yaw = math.remainder(yaw - turned_rad, 2.0 * math.pi)
@@ -123,7 +121,7 @@ class Vicon:
         send_us = now_us + 1000 * (LEAST_DELAY_MS + self._draw.randrange(DELAYS_MS))
         stamp_us, mask = now_us + self._clock_off_us, params.get_int("TMASK")
         pose_covariance = _diagonal(float(params.get_float("P_SD")) ** 2)
-        quat = quat_of_rpy(roll, pitch, yaw).conj()
+        quat = conjugate(quat_of_euler(roll, pitch, yaw))
         if mask & _POSE:
             self._put(VISION_POSITION_ESTIMATE(stamp_us, *pos, roll, pitch, yaw, pose_covariance), send_us)
         if mask & _VICON:
@@ -133,7 +131,7 @@ class Vicon:
             covariance = (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
             self._put(VISION_SPEED_ESTIMATE(stamp_us, *vel, covariance), send_us)
         if mask & _ODOMETRY:
-            ahead, right, down = rotate_to_body(attitude, vel).tolist()
+            ahead, right, down = to_body(attitude, vel)
             # FIRMWARE PARITY: the attitude is the true one, whatever YAW and YAWERR say.
             message = ODOMETRY(
                 *(stamp_us, _LOCAL_FRD, _BODY_FRD, *pos, truth.quat_wxyz, ahead, right, down, *rates),
@@ -151,24 +149,11 @@ class Vicon:
         has_quality = any(row.name == "QUAL" for row in self._params.var_info)
         return max(-1, min(self._params.get_int("QUAL"), 100)) if has_quality else QUALITY
 
-    def _delta(self, stamp_us: int, since_us: int, pos: Three, quat: quaternion.quaternion) -> VISION_POSITION_DELTA:
-        turn = quat * self._last_quat.conj()
-        way = rotate_to_body(quat.conj(), added(pos, self._last_pos, -1.0)).tolist()
-        return VISION_POSITION_DELTA(stamp_us, since_us, euler_of(turn), (*way,), 0.0)
+    def _delta(self, stamp_us: int, since_us: int, pos: Three, quat: Quat) -> VISION_POSITION_DELTA:
+        turn = times(quat, conjugate(self._last_quat))
+        way = rotated(quat, added(pos, self._last_pos, -1.0))
+        return VISION_POSITION_DELTA(stamp_us, since_us, euler_of(turn), way, 0.0)
 
 
 def _diagonal(variance: float) -> tuple[float, ...]:
     return tuple(variance if index in _POSE_DIAGONAL else 0.0 for index in range(21))
-
-
-def _to_earth(attitude: quaternion.quaternion, vector: Three) -> Three:
-    x, y, z = rotate_to_body(attitude.conj(), vector).tolist()
-    return x, y, z
-
-
-def _cross(one: Three, other: Three) -> Three:
-    return (
-        one[1] * other[2] - one[2] * other[1],
-        one[2] * other[0] - one[0] * other[2],
-        one[0] * other[1] - one[1] * other[0],
-    )

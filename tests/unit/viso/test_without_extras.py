@@ -25,7 +25,6 @@ EXTRAS = (
     "uvicorn",
     "pyarrow",
     "distributed",
-    "quaternion",
     "scipy",
     "cyclonedds",
 )
@@ -43,13 +42,6 @@ def viso(*args: str, cwd: Path, without: tuple[str, ...] = EXTRAS) -> tuple[int,
     command = [sys.executable, "-c", PROGRAM.format(without=without), *args]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
     return done.returncode, done.stderr
-
-
-def test_filter_computes_the_same_without_what_makes_it_fast(tmp_path: Path) -> None:
-    flight = (str(DATA / "captures" / "flight_voxl_reset.jsonl.gz"), "--ekf", "--log")
-    assert viso("replay", *flight, "without.BIN", cwd=tmp_path)[0] == 0
-    assert viso("replay", *flight, "with.BIN", cwd=tmp_path, without=())[0] == 0
-    assert (tmp_path / "without.BIN").read_bytes() == (tmp_path / "with.BIN").read_bytes()
 
 
 def test_recording_is_compared_and_told_on_a_page(tmp_path: Path) -> None:

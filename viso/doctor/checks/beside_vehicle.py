@@ -18,7 +18,7 @@ from viso.doctor.evidence.vehicle_data import AttitudeSeries
 from viso.doctor.evidence.vehicle_position import PositionSeries
 from viso.estimators.heading import heading_departure
 from viso.estimators.likeness import Likeness, estimate_likeness
-from viso.estimators.turning import quats_of_euler
+from viso.geometry.rotation import quats_from_euler
 from viso.streams.stream_kinds import Aspect
 
 ALIGNED: Final = "VisOdom: yaw shifted"
@@ -145,7 +145,7 @@ def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
         for part in np.unique(parts).tolist():
             inside = parts == part
             if np.ptp(time_us[inside]) >= limits.SHORTEST_COMPARED_US and np.count_nonzero(inside) >= FEWEST:
-                of_vehicle = quats_of_euler(there[chosen][inside])
+                of_vehicle = quats_from_euler(there[chosen][inside])
                 off_rad[inside] = heading_departure(quats[chosen][inside], of_vehicle)
         told_by = f"{vehicle.origin}, which may follow the stream" if vehicle.follows_stream else vehicle.origin
         yield HeadingDeparture(poses, told_by, chosen, off_rad, _turning_rad(vehicle, time_us - delay_us))

@@ -14,11 +14,10 @@ from ekf_stub.ahrs.sources import EXTNAV
 from viso.doctor.evidence.tracks import Floats, HandledMessage, Ints, Poses
 from viso.doctor.evidence.vehicle_data import AttitudeSeries
 from viso.doctor.evidence.vehicle_position import PositionSeries
-from viso.estimators import quaternion_arrays as quaternion
 from viso.estimators.delay import Delay, estimate_delay
 from viso.estimators.orientation import ChosenAxes, WorldAxes, estimate_orientation, estimate_world_axes
 from viso.estimators.positions import Scale, estimate_position_axes, estimate_scale
-from viso.estimators.turning import quats_of_euler
+from viso.geometry.rotation import product, quats_from_euler
 
 ALIGNING_TYPES: Final = (2, 3)
 _FEWEST: Final = 40
@@ -60,9 +59,7 @@ def oriented(quat_wxyz: Floats, viso_type: int, orient: int) -> Floats:
     if orient == 0 or viso_type not in ALIGNING_TYPES:
         return quat_wxyz
     back = quaternion_from_rotation(orient, InternalErrors()).inverse()
-    turn = quaternion.as_quat_array(back.to_wxyz())
-    turned: Floats = quaternion.as_float_array(quaternion.as_quat_array(quat_wxyz) * turn)
-    return turned
+    return product(quat_wxyz, back.to_wxyz())
 
 
 def _corrected_us(poses: Poses, messages: Mapping[int, HandledMessage]) -> Ints:
@@ -95,7 +92,7 @@ def compare(
     if attitude is None or len(attitude) < _FEWEST:
         return ()
     by_number = {one.number: one for one in messages}
-    vehicle_us, vehicle_quats = _usable(attitude.time_us, quats_of_euler(attitude.euler_rad))
+    vehicle_us, vehicle_quats = _usable(attitude.time_us, quats_from_euler(attitude.euler_rad))
     viso_type, orient = int(params.get("VISO_TYPE", 0)), int(params.get("VISO_ORIENT", 0))
     found = []
     for one in poses:

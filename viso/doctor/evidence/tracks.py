@@ -20,7 +20,7 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
-from viso.estimators.turning import quats_of_euler
+from viso.geometry.rotation import quats_from_euler
 from viso.vehicle.outcomes.samples import HandedSample
 
 Floats = NDArray[np.float64]
@@ -252,7 +252,7 @@ def _poses(sender: Sender, seen: Sequence[HandledMessage]) -> Poses:
     if isinstance(messages[0], _EULER_TYPES):
         euler_rad = np.array([(m.roll, m.pitch, m.yaw) for m in messages if isinstance(m, _EULER_TYPES)], np.float64)
         with np.errstate(all="ignore"):
-            quat_wxyz = quats_of_euler(euler_rad)
+            quat_wxyz = quats_from_euler(euler_rad)
     else:
         quat_wxyz = np.array([m.q for m in messages if isinstance(m, ATT_POS_MOCAP | ODOMETRY)], np.float64)
     return Poses(

@@ -10,8 +10,8 @@ import math
 from typing import Final, NamedTuple
 
 from ekf_stub.core.inertial import GRAVITY_MSS
+from ekf_stub.core.vectors import quat_of_euler
 from ekf_stub.inputs.measurements import InertialDelta
-from viso.vehicle.sensors.attitude import quat_of_rpy
 from viso.vehicle.sensors.motion import Moving, State, Truth, delta_between
 from viso.vehicle.sensors.vectors import ZERO, Three, added, scaled
 
@@ -51,7 +51,7 @@ class AirframeState(NamedTuple):
 
     def seen(self) -> State:
         """Return the motion alone."""
-        return State(self.pos, self.vel, quat_of_rpy(*self.rpy), self.rpy[2])
+        return State(self.pos, self.vel, quat_of_euler(*self.rpy), self.rpy[2])
 
     def is_on_ground(self) -> bool:
         """Return whether its legs touch the ground."""

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sensors of a multicopter that flies as its controller demands."""
 
-from viso.geometry import quaternions as quaternion
+from ekf_stub.core.vectors import Quat
 from viso.vehicle.sensors.airframe import Airframe
 from viso.vehicle.sensors.moving import MovingSource
 from viso.vehicle.sensors.options import ImuOptions
@@ -17,7 +17,7 @@ class FlyingSource(MovingSource):
         self.airframe = Airframe(options.heading_rad)
         super().__init__(options, self.airframe)
 
-    def _shown(self, now_us: int) -> tuple[float, quaternion.quaternion]:
+    def _shown(self, now_us: int) -> tuple[float, Quat]:
         state = self.airframe.state
         return 0.0 - state.pos[2], state.seen().quat
 

@@ -7,11 +7,10 @@ from collections import deque
 from typing import Generic, NamedTuple, TypeVar
 
 from ekf_stub.core.inertial import GRAVITY_MSS
+from ekf_stub.core.vectors import Quat
 from ekf_stub.inputs.measurements import InertialDelta
-from viso.geometry import quaternions as quaternion
-from viso.vehicle.sensors.attitude import halfway, rotate_to_body, rotation_between
 from viso.vehicle.sensors.errors import exact_delta
-from viso.vehicle.sensors.vectors import Three, added
+from viso.vehicle.sensors.vectors import Three, added, halfway, rotation_between, to_body
 
 S = TypeVar("S")
 
@@ -21,7 +20,7 @@ class Truth(NamedTuple):
 
     pos_ned: Three
     vel_ned: Three
-    quat_wxyz: tuple[float, float, float, float]
+    quat_wxyz: Quat
 
 
 class State(NamedTuple):
@@ -29,19 +28,18 @@ class State(NamedTuple):
 
     pos: Three
     vel: Three
-    quat: quaternion.quaternion
+    quat: Quat
     yaw_rad: float
 
     def truth(self) -> Truth:
         """Return it as others are told of it."""
-        quat = self.quat
-        return Truth(self.pos, self.vel, (quat.w, quat.x, quat.y, quat.z))
+        return Truth(self.pos, self.vel, self.quat)
 
 
 def delta_between(before: State, now: State, dt: float) -> InertialDelta:
     """Return what inertial sensors feel from one state to another, in ``dt`` seconds."""
     north, east, down = added(now.vel, before.vel, -1.0)
-    del_vel = rotate_to_body(halfway(before.quat, now.quat), (north, east, down - GRAVITY_MSS * dt))
+    del_vel = to_body(halfway(before.quat, now.quat), (north, east, down - GRAVITY_MSS * dt))
     return exact_delta(del_vel, rotation_between(before.quat, now.quat), dt)
 
 

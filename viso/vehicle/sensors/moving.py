@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ekf_stub.core.vectors import Quat
 from ekf_stub.inputs.measurements import Array, numbers_of
 from ekf_stub.inputs.sensors import Sensors
-from viso.geometry import quaternions as quaternion
 from viso.vehicle.sensors.motion import Moving
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.source import VehicleSource
@@ -21,7 +21,7 @@ class MovingSource(VehicleSource):
         super().__init__(options)
         self._motion = motion
 
-    def _shown(self, now_us: int) -> tuple[float, quaternion.quaternion]:
+    def _shown(self, now_us: int) -> tuple[float, Quat]:
         """Return the height in m and the attitude (body to NED) that barometer and compass show in a pass."""
         raise NotImplementedError
 

@@ -7,10 +7,10 @@ The reference reads both ten times per second, and its filter sees a reading in 
 
 from typing import Final
 
+from ekf_stub.core.vectors import Quat
 from ekf_stub.inputs.measurements import Array
-from viso.geometry import quaternions as quaternion
-from viso.vehicle.sensors.attitude import rotate_to_body
 from viso.vehicle.sensors.errors import to_single
+from viso.vehicle.sensors.vectors import to_body
 
 PERIOD_US: Final = 100_000
 PHASE_US: Final = 50_000
@@ -24,6 +24,6 @@ def last_reading_us(now_us: int) -> int | None:
     return reading_us if reading_us >= 0 else None
 
 
-def ideal_field(quat: quaternion.quaternion) -> Array:
+def ideal_field(quat: Quat) -> Array:
     """Return the magnetic field in mGauss, body (FRD), of an attitude, body to earth (NED); declination is 0."""
-    return to_single(rotate_to_body(quat, FIELD_NED_MGAUSS))
+    return to_single(to_body(quat, FIELD_NED_MGAUSS))

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from ap_core.clock import NEVER
+from ekf_stub.core.vectors import Quat
 from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import SensorSource
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
-from viso.geometry import quaternions as quaternion
 from viso.vehicle.sensors.airframe import Airframe
 from viso.vehicle.sensors.errors import ErrorModel
 from viso.vehicle.sensors.flight import Event, Flight
@@ -38,7 +38,7 @@ class VehicleSource(SensorSource):
         self._baro: tuple[int, float] | None = None
         self._mag: tuple[int, Array] | None = None
 
-    def _read(self, now_us: int, height_m: float, quat: quaternion.quaternion) -> None:
+    def _read(self, now_us: int, height_m: float, quat: Quat) -> None:
         """Read the barometer, and the compass if there is one, of a vehicle with an attitude (body to NED)."""
         reading_us = last_reading_us(now_us)
         if reading_us is None:

@@ -7,13 +7,14 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.core.inertial import GRAVITY_MSS
+from ekf_stub.core.vectors import quat_of_euler
 from ekf_stub.inputs.measurements import Array, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
-from viso.vehicle.sensors.attitude import quat_of_rpy, rotate_to_body
 from viso.vehicle.sensors.errors import exact_delta
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 from viso.vehicle.sensors.source import VehicleSource
+from viso.vehicle.sensors.vectors import scaled, to_body
 
 NOMINAL_US: Final = 2500
 SHORTEST_US: Final = NOMINAL_US // 4
@@ -33,8 +34,8 @@ class BenchSource(VehicleSource):
 
     def __init__(self, options: ImuOptions, *, roll_rad: float = 0.0, pitch_rad: float = 0.0) -> None:
         super().__init__(options)
-        quat = quat_of_rpy(roll_rad, pitch_rad, options.heading_rad)
-        self._accel = rotate_to_body(quat, (0.0, 0.0, -GRAVITY_MSS))
+        quat = quat_of_euler(roll_rad, pitch_rad, options.heading_rad)
+        self._accel = to_body(quat, (0.0, 0.0, -GRAVITY_MSS))
         self._field = ideal_field(quat)
         self._last_us: int | None = None
         self._dt_us = NOMINAL_US
@@ -71,7 +72,7 @@ class BenchSource(VehicleSource):
 
     def _move_on(self, dt_us: int) -> InertialDelta:
         dt = 1e-6 * max(SHORTEST_US, min(dt_us, LONGEST_US))
-        return exact_delta(self._accel * dt, (0.0, 0.0, 0.0), dt)
+        return exact_delta(scaled(self._accel, dt), (0.0, 0.0, 0.0), dt)
 
     def _sense_anew(self, now_us: int) -> Sensors:
         reading_us = last_reading_us(now_us)

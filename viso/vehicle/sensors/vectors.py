@@ -1,9 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vectors of three plain numbers: at 400 per second an array of numpy for each would cost too much."""
+"""Vectors and attitudes of a vehicle as tuples: at 400 per second an array of numpy for each would cost too much.
+
+Quaternions are w, x, y, z and turn the body (FRD) to the earth (NED). More is in ``ekf_stub.core.vectors``.
+"""
 
 import math
 from typing import Final
+
+from ekf_stub.core.vectors import Quat, conjugate, normalized, rotated, rotation_vector, times
 
 Three = tuple[float, float, float]
 
@@ -30,3 +35,20 @@ def limited_length(vector: Three, limit: float) -> Three:
     """Return a vector, no longer than the limit."""
     length = math.hypot(*vector)
     return vector if length <= limit else scaled(vector, limit / length)
+
+
+def to_body(quat: Quat, vector_ned: Three) -> Three:
+    """Return a vector of the earth frame in the body frame."""
+    return rotated(conjugate(quat), vector_ned)
+
+
+def rotation_between(first: Quat, second: Quat) -> Three:
+    """Return the rotation vector in rad that leads from one attitude to another, in the body frame, the shorter way."""
+    return rotation_vector(times(conjugate(first), second))
+
+
+def halfway(first: Quat, second: Quat) -> Quat:
+    """Return the attitude between two that are less than half a turn apart."""
+    sign = math.copysign(1.0, times(conjugate(first), second)[0])
+    (a, b, c, d), (w, x, y, z) = first, second
+    return normalized((a + sign * w, b + sign * x, c + sign * y, d + sign * z))

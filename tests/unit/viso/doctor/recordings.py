@@ -15,7 +15,7 @@ import quaternion
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE
 from viso.doctor.evidence.tracks import rotated
-from viso.estimators.turning import quats_of_euler
+from viso.geometry.rotation import quats_from_euler
 from viso.streams.stream_kinds import Stream
 
 UNKNOWN: Final = (math.nan,) * 3
@@ -45,7 +45,7 @@ def rows_of(stream: Stream) -> list[Row]:
         if isinstance(told, VISION_SPEED_ESTIMATE):
             speeds[told.usec] = told.x, told.y, told.z
         elif isinstance(told, VISION_POSITION_ESTIMATE):
-            quat = quats_of_euler([[told.roll, told.pitch, told.yaw]])[0]
+            quat = quats_from_euler([[told.roll, told.pitch, told.yaw]])[0]
             rows.append(Row(arrival_us, told.usec, (told.x, told.y, told.z), tuple(quat), covariance=told.covariance))
         elif isinstance(told, ODOMETRY):
             body = np.array([[told.vx, told.vy, told.vz]])

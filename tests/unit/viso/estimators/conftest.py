@@ -10,7 +10,7 @@ from pymavlink.DFReader import DFReader_binary
 
 from tests.places import DATA
 from tests.unit.viso.estimators.motions import integrated
-from viso.estimators.turning import Array, quats_of_euler
+from viso.geometry.rotation import Array, quats_from_euler
 from viso.logs.recorded import read_log
 from viso.vehicle.sensors.flown.source import read_flight
 
@@ -51,10 +51,10 @@ def _collect(log: DFReader_binary) -> Flight:
         stamp_us=pose[:, 0],
         arrival_us=pose[:, 1],
         remote_us=pose[:, 2],
-        quat_wxyz=quats_of_euler(np.radians(pose[:, 3:6])),
+        quat_wxyz=quats_from_euler(np.radians(pose[:, 3:6])),
         pos_m=pose[:, 6:],
         att_us=att[:, 0],
-        att_wxyz=quats_of_euler(np.radians(att[:, 1:])),
+        att_wxyz=quats_from_euler(np.radians(att[:, 1:])),
         ekf_us=ekf[:, 0],
         ekf_ned_m=ekf[:, 1:],
     )

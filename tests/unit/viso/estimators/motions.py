@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import quaternion
 
-from viso.estimators.turning import Array, Attitudes, attitudes_of
+from viso.estimators.turning import Attitudes, attitudes_of
+from viso.geometry.rotation import Array
 
 VEHICLE_HZ = 100
 MARGIN_S = 1.0
@@ -33,8 +34,7 @@ class Motion:
 
     @property
     def quat_wxyz(self) -> Array:
-        quats: Array = quaternion.as_float_array(self.attitudes.quats)
-        return quats
+        return self.attitudes.quats
 
     def seen(
         self,
@@ -49,7 +49,7 @@ class Motion:
         """Return stamps in us and quaternions of a camera: ``world`` * attitude * ``body``, late, noisy, uneven."""
         span_s = self.time_us[-1] * 1e-6 - 2 * MARGIN_S
         stamps_s = MARGIN_S + np.arange(int(span_s * hz)) / hz + rng.uniform(0, 0.3 / hz, int(span_s * hz))
-        quats = self.attitudes.at(stamps_s - delay_ms * 1e-3)[0]
+        quats = quaternion.as_quat_array(self.attitudes.at(stamps_s - delay_ms * 1e-3)[0])
         noise = quaternion.from_rotation_vector(rng.normal(0.0, noise_rad, (len(quats), 3)))
         return stamps_s * 1e6, quaternion.as_float_array(world * quats * noise * body)
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.unit.viso.estimators.conftest import Flight, read_gyro
 from tests.unit.viso.estimators.motions import integrated, motion
 from viso.estimators.delay import estimate_delay
-from viso.estimators.turning import quats_of_euler
+from viso.geometry.rotation import quats_from_euler
 
 RECORDED_TOLERANCE_MS = 5.0
 SET_MS = 30  # VISO_DELAY_MS of the recorded flight
@@ -141,7 +141,7 @@ def test_steady_turning_is_no_motion() -> None:
     spinning = vehicle.rates_rad + np.array([0.0, 0.0, 0.5])
     stamps = vehicle.time_us[::3]
     yaw = stamps * 0.5e-6 + rng.normal(0, 0.003, len(stamps))
-    quats = quats_of_euler(np.column_stack([0 * yaw, 0 * yaw, yaw]))
+    quats = quats_from_euler(np.column_stack([0 * yaw, 0 * yaw, yaw]))
     attitudes = integrated(vehicle.time_us, spinning)
     assert not estimate_delay(stamps, quats, vehicle.time_us, attitudes).enough_motion
 

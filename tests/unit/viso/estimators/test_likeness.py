@@ -10,7 +10,7 @@ import pytest
 from tests.unit.viso.estimators.test_positions import seen, walk
 from viso.estimators.axis_rotations import AxisMap
 from viso.estimators.likeness import departure, estimate_likeness, rests
-from viso.estimators.turning import Array
+from viso.geometry.rotation import Array
 
 GPS_M = 1.5
 

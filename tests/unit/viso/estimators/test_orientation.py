@@ -12,7 +12,7 @@ from tests.unit.viso.estimators.conftest import Flight
 from tests.unit.viso.estimators.motions import Motion, integrated, motion
 from viso.estimators.axis_rotations import PROPER, AxisMap, rotation_matrix
 from viso.estimators.orientation import estimate_orientation, estimate_world_axes
-from viso.estimators.turning import Array, quats_of_euler
+from viso.geometry.rotation import Array, quats_from_euler
 
 OWN = AxisMap((1, 2, 3))
 FLU = AxisMap((1, -2, -3))
@@ -137,7 +137,7 @@ def test_mix_ups_of_world_and_of_body_are_told_apart(
 
 @pytest.mark.parametrize(("up", "heading_deg"), [(False, 130), (True, 130), (False, 230)])
 def test_heading_of_a_world_that_points_anywhere_is_told(vehicle: Motion, up: bool, heading_deg: int) -> None:
-    heading = quats_of_euler([[0.0, 0.0, -math.radians(heading_deg)]])
+    heading = quats_from_euler([[0.0, 0.0, -math.radians(heading_deg)]])
     world = (NWU_OF_NED if up else quaternion.one) * quaternion.as_quat_array(heading)[0]
     seen = vehicle.seen(np.random.default_rng(26), world=world)
     outer = estimate_world_axes(*seen, vehicle.time_us, vehicle.quat_wxyz, body_axes=OWN)

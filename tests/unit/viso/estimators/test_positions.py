@@ -13,7 +13,7 @@ from tests.unit.viso.estimators.conftest import Flight
 from tests.unit.viso.estimators.motions import smooth
 from viso.estimators.axis_rotations import AxisMap
 from viso.estimators.positions import estimate_position_axes, estimate_scale
-from viso.estimators.turning import Array
+from viso.geometry.rotation import Array
 
 STEP_US = 5e4
 

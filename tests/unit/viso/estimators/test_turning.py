@@ -6,30 +6,12 @@ import math
 
 import numpy as np
 import pytest
-import quaternion
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.unit.viso.estimators.motions import integrated
-from viso.estimators.turning import attitudes_of, quats_of_euler, rotation_vectors, turns, windows
-from viso.vehicle.sensors.attitude import quat_of_rpy
+from viso.estimators.turning import attitudes_of, turns, windows
+from viso.geometry.rotation import quats_from_euler
 
-ANGLES = st.floats(-3.2, 3.2)
 IDENTITY = [1.0, 0.0, 0.0, 0.0]
-
-
-@given(roll=ANGLES, pitch=ANGLES, yaw=ANGLES)
-def test_quaternions_of_euler_angles_are_those_of_the_filter(roll: float, pitch: float, yaw: float) -> None:
-    expected = quaternion.as_float_array(quat_of_rpy(roll, pitch, yaw))
-    np.testing.assert_allclose(quats_of_euler([[roll, pitch, yaw]])[0], expected, atol=1e-12)
-
-
-@given(vector=st.tuples(*[st.floats(-1.8, 1.8)] * 3), sign=st.sampled_from([1, -1]))
-def test_rotation_vector_is_the_same_for_both_signs_of_a_quaternion(
-    vector: tuple[float, float, float], sign: int
-) -> None:
-    quats = sign * quaternion.from_rotation_vector(np.array([vector]))
-    np.testing.assert_allclose(rotation_vectors(quats)[0], vector, atol=1e-9)
 
 
 def test_rotation_at_a_steady_rate_is_rate_times_time() -> None:
@@ -41,7 +23,7 @@ def test_rotation_at_a_steady_rate_is_rate_times_time() -> None:
 
 
 def test_scale_and_sign_of_quaternions_do_not_matter() -> None:
-    quats = quats_of_euler(np.linspace(0, 1, 60).reshape(-1, 3))
+    quats = quats_from_euler(np.linspace(0, 1, 60).reshape(-1, 3))
     times = np.arange(20) * 1e5
     scaled = quats * np.resize([3.0, -0.1, -1.0], (20, 1))
     at = np.arange(0.05, 1.7, 0.11)

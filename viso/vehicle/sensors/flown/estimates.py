@@ -15,8 +15,15 @@ from ap_core.dataflash_columns import LogColumns
 from ap_core.location import METRES_PER_UNIT
 from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.inputs.measurements import Array
-from viso.estimators import quaternion_arrays as quaternion
-from viso.estimators.turning import quats_of_euler, rotation_vectors
+from viso.geometry.rotation import (
+    inverse,
+    normalized,
+    product,
+    quats_from_euler,
+    quats_from_rotation_vectors,
+    rotate,
+    rotation_vectors_from_quats,
+)
 from viso.vehicle.sensors.flight import PASS_US, Basis, Flight, chosen, growing
 from viso.vehicle.sensors.flown.imu_records import edges_of, flight_of, gaps_in, hermite, passes_of
 
@@ -52,7 +59,7 @@ def estimates(log: LogColumns, lane: int) -> Flight | None:
     vel, acc = smoothed(track[:, 0], _without_jumps(track), sigma)
     gained = hermite(track[:, 0], vel, acc, end_s) - hermite(track[:, 0], vel, acc, begin_s)
     gained[:, 2] -= GRAVITY_MSS * PASS_US * _S
-    del_vel, del_ang = _to_body(quats, gained), _turns_between(before, quats)
+    del_vel, del_ang = rotate(inverse(quats), gained), _turns_between(before, quats)
     notes = [] if has_velocity else ["no XKF1 in the log: velocity is what POS moves by"]
     return flight_of(log, lane, Basis.ESTIMATE, pass_us, del_vel, del_ang, (*notes, *gaps_in(track[:, 0])))
 
@@ -88,7 +95,7 @@ def _attitudes(log: LogColumns, lane: int) -> Array:
     if len(rows) < _FEWEST:
         angles, _ = chosen(log, "ATT", ["TimeUS", "Roll", "Pitch", "Yaw"])
         angles = angles[growing(angles[:, 0])]
-        rows = np.column_stack([angles[:, 0] * _S, quats_of_euler(np.radians(angles[:, 1:]))])
+        rows = np.column_stack([angles[:, 0] * _S, quats_from_euler(np.radians(angles[:, 1:]))])
     resets = [time_us * _S for time_us, what in chosen(log, "EV", ["TimeUS", "Id"])[0].tolist() if what == _YAW_RESET]
     return _without_turns(rows, np.array(resets))
 
@@ -109,18 +116,17 @@ def _surprise(steps: Array, intervals: Array) -> Array:
 def _without_turns(rows: Array, resets_s: Array) -> Array:
     if len(rows) < 2:
         return rows
-    time_s, quats = rows[:, 0], quaternion.as_quat_array(rows[:, 1:])
+    time_s, quats = rows[:, 0], rows[:, 1:].copy()
     intervals = np.diff(time_s)[:, None]
-    steps = rotation_vectors(quats[:-1].conj() * quats[1:])
+    steps = rotation_vectors_from_quats(product(inverse(quats[:-1]), quats[1:]))
     surprise = _surprise(steps, intervals)
     at_reset = np.diff(np.searchsorted(resets_s, time_s)) > 0
     explained = np.where(at_reset, RESET_RAD, JUMP_RAD + 0.5 * TURN_ACCEL * intervals[:, 0] ** 2)
     for number in np.flatnonzero(np.linalg.norm(surprise, axis=1) > explained).tolist():
-        expected = quats[number] * quaternion.from_rotation_vector(steps[number] - surprise[number])
-        turn = quats[number + 1] * expected.conj()
-        about_down = quaternion.quaternion(turn.w, 0.0, 0.0, turn.z).normalized()
-        quats[: number + 1] = about_down * quats[: number + 1]
-    return np.column_stack([time_s, quaternion.as_float_array(quats)])
+        expected = product(quats[number], quats_from_rotation_vectors(steps[number] - surprise[number]))
+        w, _, _, z = product(quats[number + 1], inverse(expected)).tolist()
+        quats[: number + 1] = product(normalized((w, 0.0, 0.0, z)), quats[: number + 1])
+    return np.column_stack([time_s, quats])
 
 
 def _without_jumps(track: Array) -> Array:
@@ -145,16 +151,6 @@ def _smooth_attitude(rows: Array, at_s: Array) -> Array:
     curve = hermite(rows[:, 0], wxyz, np.gradient(wxyz, rows[:, 0], axis=0), at_s)
     unit: Array = curve / np.linalg.norm(curve, axis=1, keepdims=True)
     return unit
-
-
-# Of columns, which are as fast without numpy-quaternion: there are 400 rows a second.
-
-
-def _to_body(quats_wxyz: Array, vectors_ned: Array) -> Array:
-    axis = quats_wxyz[:, 1:]
-    twice = 2.0 * np.cross(vectors_ned, axis)
-    rotated: Array = vectors_ned + quats_wxyz[:, :1] * twice + np.cross(twice, axis)
-    return rotated
 
 
 def _turns_between(first_wxyz: Array, second_wxyz: Array) -> Array:

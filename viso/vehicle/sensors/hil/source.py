@@ -12,18 +12,16 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.core.inertial import GRAVITY_MSS
+from ekf_stub.core.vectors import Quat, euler_of, normalized
 from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import Sensors
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
-from viso.geometry import quaternions as quaternion
-from viso.geometry.attitude import euler_of
-from viso.vehicle.sensors.attitude import halfway, rotate_to_body, rotation_between
 from viso.vehicle.sensors.errors import exact_delta, to_single
 from viso.vehicle.sensors.hil.readings import MessageTime, RelativeHeight, isa_height_m
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 from viso.vehicle.sensors.source import VehicleSource
-from viso.vehicle.sensors.vectors import ZERO, Three, added, scaled
+from viso.vehicle.sensors.vectors import ZERO, Three, added, halfway, rotation_between, scaled, to_body
 
 UPDATED_INERTIAL: Final = 0b111111
 UPDATED_MAG: Final = 0b111 << 6
@@ -71,7 +69,7 @@ class HilSource(VehicleSource):
         self._altitude, self._pressure_height, self._state_height = RelativeHeight(), RelativeHeight(), RelativeHeight()
         self._sensor_us: int | None = None
         self._force: Three | None = None
-        self._quat: quaternion.quaternion | None = None
+        self._quat: Quat | None = None
         self._vel: Three = ZERO
         self._clear()
         self._height: float | None = None
@@ -179,16 +177,15 @@ class HilSource(VehicleSource):
         return True
 
     def _take_state(self, message: HIL_STATE_QUATERNION, now_us: int) -> None:
-        quat = quaternion.quaternion(*message.attitude_quaternion)
-        length = quat.abs()
+        w, x, y, z = message.attitude_quaternion
         reason = self._state_time.refusal(message.time_usec)
-        if not abs(length - 1.0) <= _LENGTH_TOLERANCE:
+        if not abs(math.hypot(w, x, y, z) - 1.0) <= _LENGTH_TOLERANCE:
             reason = "absurd_attitude"
         if reason is not None:
             self.ignored[reason] += 1
             return
         before, vel_before = self._quat, self._vel
-        self._quat, self._vel = quat / length, (0.01 * message.vx, 0.01 * message.vy, 0.01 * message.vz)
+        self._quat, self._vel = normalized((w, x, y, z)), (0.01 * message.vx, 0.01 * message.vy, 0.01 * message.vz)
         interval_us = self._state_time.interval_us(message.time_usec)
         if self._sensor_us is not None and now_us - self._sensor_us < SENSOR_PREFERRED_US:
             self.ignored["state_beside_sensor"] += 1
@@ -198,9 +195,7 @@ class HilSource(VehicleSource):
         if before is not None and interval_us is not None:
             self._add_difference(before, self._quat, vel_before, interval_us)
 
-    def _add_difference(
-        self, before: quaternion.quaternion, quat: quaternion.quaternion, vel_before: Three, interval_us: int
-    ) -> None:
+    def _add_difference(self, before: Quat, quat: Quat, vel_before: Three, interval_us: int) -> None:
         if interval_us > GAP_US:
             self.ignored["after_gap"] += 1
             return
@@ -210,8 +205,7 @@ class HilSource(VehicleSource):
         if not (_all_within(del_vel_ned, MAX_ACCEL * dt) and _all_within(del_ang, MAX_RATE * dt)):
             self.ignored["absurd_inertial_data"] += 1
             return
-        x, y, z = rotate_to_body(halfway(before, quat), del_vel_ned).tolist()
-        self._add((x, y, z), del_ang, dt)
+        self._add(to_body(halfway(before, quat), del_vel_ned), del_ang, dt)
 
 
 def _all_within(vector: Three, limit: float) -> bool:

@@ -10,7 +10,7 @@ from itertools import accumulate
 from typing import Final, NamedTuple, Protocol
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from viso.vehicle.sensors.attitude import quat_of_rpy
+from ekf_stub.core.vectors import quat_of_euler
 from viso.vehicle.sensors.motion import State
 from viso.vehicle.sensors.vectors import ZERO, Three, added, scaled
 
@@ -255,7 +255,7 @@ class Trajectory:
         roll, pitch, yaw = motion.rpy
         if self._tilts:
             roll, pitch = tilt_of(motion)
-        return State(motion.pos, motion.vel, quat_of_rpy(roll, pitch, yaw), yaw)
+        return State(motion.pos, motion.vel, quat_of_euler(roll, pitch, yaw), yaw)
 
     def _at_rest(self, motion: Motion) -> State:
         return self._state(motion._replace(vel=ZERO, acc=ZERO))

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from ekf_stub.core.vectors import Quat
 from ekf_stub.inputs.measurements import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.files.text_files import read_text
-from viso.geometry import quaternions as quaternion
 from viso.vehicle.sensors.motion import Moving, State, Truth, delta_between
 from viso.vehicle.sensors.moving import MovingSource
 from viso.vehicle.sensors.options import ImuOptions
@@ -75,7 +75,7 @@ class ScriptSource(MovingSource):
         self._start_if_armed(times_us[0])
         return super().ahead(times_us)
 
-    def _shown(self, now_us: int) -> tuple[float, quaternion.quaternion]:
+    def _shown(self, now_us: int) -> tuple[float, Quat]:
         then = self._script.at(last_reading_us(now_us) or 0)
         return 0.0 - then.pos[2], then.quat
 

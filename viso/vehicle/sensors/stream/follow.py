@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A vehicle imagined to move as external navigation says, so that a stream of it can be tried with nothing else."""
 
+import math
 from collections import Counter
 from copy import copy
 from typing import Final, NamedTuple
@@ -9,9 +10,8 @@ from typing import Final, NamedTuple
 from ap_core.cint import i32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
+from ekf_stub.core.vectors import Quat, euler_of, normalized
 from ekf_stub.inputs.measurements import InertialDelta
-from viso.geometry import quaternions as quaternion
-from viso.geometry.attitude import euler_of
 from viso.vehicle.sensors.errors import exact_delta
 from viso.vehicle.sensors.motion import Moving
 from viso.vehicle.sensors.moving import MovingSource
@@ -126,7 +126,7 @@ class FollowSource(MovingSource):
         follower = self._followed.follower
         return Counter() if follower is None else follower.frame.jumps
 
-    def _shown(self, now_us: int) -> tuple[float, quaternion.quaternion]:
+    def _shown(self, now_us: int) -> tuple[float, Quat]:
         vehicle = self._followed.state.vehicle
         return vehicle.height_m, vehicle.quat
 
@@ -173,13 +173,12 @@ class FollowSource(MovingSource):
         x, y, z = map(float, pos_ned.to_tuple())
         if not all(abs(part) <= MAX_POSITION_M for part in (x, y, z)):
             return "absurd_position"
-        attitude = quaternion.quaternion(*map(float, quat.to_wxyz()))
-        length = attitude.abs()
-        if not abs(length - 1.0) <= _LENGTH_TOLERANCE:
+        w, i, j, k = map(float, quat.to_wxyz())
+        if not abs(math.hypot(w, i, j, k) - 1.0) <= _LENGTH_TOLERANCE:
             return "absurd_attitude"
         age_ms = max(0, min(i32(now_us // 1000 - observed_ms), MAX_AGE_MS)) if self._heeds_stamps else 0
         time_s = 1e-3 * (now_us // 1000 - age_ms)
         follower = self._followed.follower
         if follower is not None and time_s - follower.time_s < MIN_INTERVAL_S:
             return "not_newer"
-        return Pose(time_s, (x, y, z), attitude / length)
+        return Pose(time_s, (x, y, z), normalized((w, i, j, k)))

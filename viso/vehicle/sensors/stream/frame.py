@@ -6,9 +6,7 @@ import math
 from collections import Counter
 from typing import Final, NamedTuple
 
-from viso.geometry import quaternions as quaternion
-from viso.geometry.attitude import euler_of
-from viso.vehicle.sensors.attitude import quat_of_rpy
+from ekf_stub.core.vectors import Quat, conjugate, euler_of, quat_of_euler, times
 from viso.vehicle.sensors.stream.imagined_vehicle import Movement
 from viso.vehicle.sensors.vectors import ZERO, Three, added, turned
 
@@ -23,7 +21,7 @@ class Pose(NamedTuple):
 
     time_s: float
     pos: Three
-    quat: quaternion.quaternion
+    quat: Quat
 
 
 class StreamFrame:
@@ -42,7 +40,7 @@ class StreamFrame:
     def apply(self, pose: Pose) -> Pose:
         """Return a pose of the stream as one of the vehicle."""
         pos = added(turned(pose.pos, self._yaw_rad), self._offset)
-        return Pose(pose.time_s, pos, quat_of_rpy(0.0, 0.0, self._yaw_rad) * pose.quat)
+        return Pose(pose.time_s, pos, times(quat_of_euler(0.0, 0.0, self._yaw_rad), pose.quat))
 
     def settle_jump(
         self, pose: Pose, expected: Movement, interval_s: float, *, steady: Pose | None = None, is_reset: bool
@@ -82,7 +80,7 @@ class StreamFrame:
         self._offset = added(self._offset, way)
 
 
-def _yaw_between(first: quaternion.quaternion, second: quaternion.quaternion) -> float:
+def _yaw_between(first: Quat, second: Quat) -> float:
     # About the vertical, which is defined for every tilt.
-    turn = second * first.conj()
-    return math.remainder(2.0 * math.atan2(turn.z, turn.w), 2.0 * math.pi)
+    w, _, _, z = times(second, conjugate(first))
+    return math.remainder(2.0 * math.atan2(z, w), 2.0 * math.pi)

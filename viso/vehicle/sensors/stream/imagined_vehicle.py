@@ -5,10 +5,8 @@
 from typing import Final, NamedTuple
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from viso.geometry import quaternions as quaternion
-from viso.geometry.attitude import euler_of
-from viso.vehicle.sensors.attitude import quat_of_rpy, rotation_between
-from viso.vehicle.sensors.vectors import ZERO, Three
+from ekf_stub.core.vectors import Quat, euler_of, quat_of_euler, turned
+from viso.vehicle.sensors.vectors import ZERO, Three, rotation_between, to_body
 
 MAX_ACCEL: Final = 15.0
 MAX_JERK: Final = 150.0
@@ -28,7 +26,7 @@ class Movement(NamedTuple):
     pos: Three
     vel: Three
     acc: Three
-    quat: quaternion.quaternion
+    quat: Quat
     rate: Three
 
 
@@ -60,7 +58,7 @@ class ImaginedVehicle:
 
     def point(self, heading_rad: float) -> None:
         """Stand level, with a heading; for a vehicle at rest, whose IMU does not feel it."""
-        self.quat = quat_of_rpy(0.0, 0.0, heading_rad)
+        self.quat = quat_of_euler(0.0, 0.0, heading_rad)
 
     @property
     def height_m(self) -> float:
@@ -87,9 +85,9 @@ class ImaginedVehicle:
             _within(2.0 * _BRAKE * (-0.5 * _BRAKE * v - a), MAX_JERK) for v, a in zip(self._vel, self._acc, strict=True)
         ]
         self._jerk = jerk[0], jerk[1], jerk[2]
-        self._turn_to(quat_of_rpy(0.0, 0.0, euler_of(self.quat)[2]), ZERO)
+        self._turn_to(quat_of_euler(0.0, 0.0, euler_of(self.quat)[2]), ZERO)
 
-    def _turn_to(self, quat: quaternion.quaternion, rate: Three) -> None:
+    def _turn_to(self, quat: Quat, rate: Three) -> None:
         change = [0.0, 0.0, 0.0]
         for axis, error in enumerate(rotation_between(self.quat, quat)):
             wanted = rate[axis] + _within(0.5 * _STEER_ATT * error, MAX_CATCH_UP_RATE)
@@ -103,11 +101,9 @@ class ImaginedVehicle:
         turn_x, turn_y, turn_z = dt * (wx + half * ex), dt * (wy + half * ey), dt * (wz + half * ez)
         self._rate = wx + dt * ex, wy + dt * ey, wz + dt * ez
         (ax, ay, az), (jx, jy, jz) = self._acc, self._jerk
-        felt = quaternion.quaternion(0.0, ax + half * jx, ay + half * jy, az + half * jz - GRAVITY_MSS)
-        felt = self.quat.conj() * felt * self.quat
-        fx, fy, fz = felt.x, felt.y, felt.z
+        fx, fy, fz = to_body(self.quat, (ax + half * jx, ay + half * jy, az + half * jz - GRAVITY_MSS))
         self._translate(dt)
-        self._rotate(turn_x, turn_y, turn_z)
+        self.quat = turned(self.quat, (turn_x, turn_y, turn_z))
         # Halfway through the interval the body has turned by half of the angle.
         del_vel = (
             dt * (fx - 0.5 * (turn_y * fz - turn_z * fy)),
@@ -131,9 +127,3 @@ class ImaginedVehicle:
             vz + dt * (az + half * jz),
         )
         self._acc = ax + dt * jx, ay + dt * jy, az + dt * jz
-
-    def _rotate(self, x: float, y: float, z: float) -> None:
-        # The quaternion of a small rotation vector to fourth order, exact at these intervals and rates.
-        squared = 0.25 * (x * x + y * y + z * z)
-        part = 0.5 - squared / 12.0
-        self.quat = (self.quat * quaternion.quaternion(1.0 - 0.5 * squared, part * x, part * y, part * z)).normalized()

@@ -7,11 +7,10 @@ from typing import Final
 
 import numpy as np
 
+from ekf_stub.core.vectors import Quat, turned
 from ekf_stub.inputs.measurements import Array
-from viso.geometry import quaternions as quaternion
-from viso.vehicle.sensors.attitude import rotation_between
 from viso.vehicle.sensors.stream.imagined_vehicle import MAX_ACCEL, Movement
-from viso.vehicle.sensors.vectors import Three, added, limited_length, scaled
+from viso.vehicle.sensors.vectors import Three, added, limited_length, rotation_between, scaled
 
 MAX_SPEED: Final = 20.0
 MAX_RATE: Final = 10.0
@@ -26,13 +25,6 @@ ATT_MEMORY_S: Final = 0.06
 
 _INITIAL_VARIANCES: Final = (POS_NOISE_M**2, 1.0**2, 2.0**2)  # m^2, (m/s)^2, (m/s^2)^2
 _MAX_TURN: Final = 0.5  # of a sample against what was expected, rad
-
-
-def turned(quat: quaternion.quaternion, rotation: Three) -> quaternion.quaternion:
-    """Return an attitude turned by a rotation vector of the body frame, rad."""
-    angle = math.hypot(*rotation)
-    part = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
-    return (quat * quaternion.quaternion(math.cos(0.5 * angle), *scaled(rotation, part))).normalized()
 
 
 class StreamTracker:
@@ -59,7 +51,7 @@ class StreamTracker:
             rate,
         )
 
-    def take(self, time_s: float, pos: Three, quat: quaternion.quaternion) -> None:
+    def take(self, time_s: float, pos: Three, quat: Quat) -> None:
         """Take a sample later than the one before."""
         expected = self.at(time_s)
         dt = time_s - self.time_s

@@ -29,9 +29,9 @@ from viso.doctor import CHECKS, Finding, Severity
 from viso.doctor.checks import FAMILIES
 from viso.doctor.evidence.set_up import Assumed
 from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries, ParamChange, VehicleData
-from viso.estimators.turning import quats_of_euler
 from viso.firmware.flown import version_in
 from viso.firmware.releases import PROFILES
+from viso.geometry.rotation import quats_from_euler
 from viso.streams.stream_kinds import Aspect
 
 HERE = {
@@ -89,7 +89,7 @@ def flying(count: int = 200, yaw_rad: float = 0.6, **fields: float) -> list[Mess
         angle = 0.8 * time_s
         here = {"x": 2 * math.cos(angle), "y": 2 * math.sin(angle), "z": -0.2 * time_s}
         there = {"vx": -1.6 * math.sin(angle), "vy": 1.6 * math.cos(angle), "vz": -0.2}
-        q = tuple(quats_of_euler(np.array([[0.0, 0.0, yaw_rad]]))[0])
+        q = tuple(quats_from_euler(np.array([[0.0, 0.0, yaw_rad]]))[0])
         made.append(odometry(1_000_000 + int(time_s * 1e6), q=q, **{**here, **there, **fields}))
     return made
 
@@ -104,7 +104,7 @@ def swaying(count: int, turn: np.ndarray | None = None) -> tuple[list[Message], 
     """Sway about all axes; the stream's attitude is the vehicle's, in a world turned by a quaternion."""
     time_s = 0.04 * np.arange(count)
     euler = np.column_stack((0.2 * np.sin(2 * time_s), 0.15 * np.sin(1.3 * time_s + 1), 0.5 * np.sin(0.9 * time_s)))
-    quats = quats_of_euler(euler)
+    quats = quats_from_euler(euler)
     if turn is not None:
         w, axis = turn[0], turn[1:]
         real, rest = quats[:, :1], quats[:, 1:]
@@ -140,7 +140,7 @@ def test_tilted_attitude_is_told() -> None:
 @pytest.mark.parametrize(("turned", "is_found"), [(range(150, 300), True), (range(150, 160), False)])
 def test_yaw_that_leaves_the_vehicles_once_aligned_is_told(turned: range, is_found: bool) -> None:
     straight, series = swaying(300)
-    aside, _ = swaying(300, quats_of_euler([[0.0, 0.0, 0.4]])[0])
+    aside, _ = swaying(300, quats_from_euler([[0.0, 0.0, 0.4]])[0])
     messages = [aside[number] if number in turned else straight[number] for number in range(300)]
     text = (START_US + 50 * 40_000, 6, "VisOdom: yaw shifted 20 to 30 deg")
     found = findings_of(evidence_of(stream_of(messages), {"VISO_TYPE": 2}, attitude=series, texts=(text,)))
@@ -216,13 +216,13 @@ def test_steps_between_rests_are_jumps_and_no_frozen_pose() -> None:
 @pytest.mark.parametrize("yaw_rate", [0.0, 2.0])
 def test_stream_that_begins_in_motion_has_no_jump(yaw_rate: float) -> None:
     """A car at 14 m/s whose recording begins on the road."""
-    fields = [{"x": 1.4 * n, "q": quats_of_euler([[0, 0, yaw_rate * n / 10]])[0]} for n in range(60)]
+    fields = [{"x": 1.4 * n, "q": quats_from_euler([[0, 0, yaw_rate * n / 10]])[0]} for n in range(60)]
     messages = [odometry(1 + n * 100_000, **one) for n, one in enumerate(fields)]
     assert not {"XN6-01", "XN6-02"} & set(findings_of(evidence_of(stream_of(messages, 100_000))))
 
 
 def _turning(euler_deg: list[list[float]]) -> Mapping[str, Finding]:
-    quats = quats_of_euler(np.radians(euler_deg))
+    quats = quats_from_euler(np.radians(euler_deg))
     messages = [odometry(1 + n * 100_000, q=quat) for n, quat in enumerate(quats)]
     return findings_of(evidence_of(stream_of(messages, 100_000)))
 

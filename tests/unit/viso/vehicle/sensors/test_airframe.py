@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
+import quaternion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from viso.geometry import quaternions as quaternion
 from viso.vehicle.sensors.airframe import MOTORS_OFF, AirframeState, Demand, moved
 from viso.vehicle.sensors.flying import FlyingSource
 from viso.vehicle.sensors.options import ImuOptions

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+import quaternion
 
 from tests.unit.viso.vehicle.sensors.flown.made import Array, log_of
-from viso.estimators import quaternion_arrays as quaternion
-from viso.estimators.turning import quats_of_euler
+from viso.geometry.rotation import quats_from_euler
 from viso.vehicle.sensors.flight import PASS_US, Basis, Flight
 from viso.vehicle.sensors.flown.estimates import VELOCITY_SIGMA, estimates, smoothed
 
@@ -35,7 +35,7 @@ TIMES_S = np.arange(3.0, 10.0, 0.1)
 
 
 def records(pos: Array, vel: Array, angles: Array, times_s: Array = TIMES_S) -> dict[str, list[list[float]]]:
-    quats = quats_of_euler(angles)
+    quats = quats_from_euler(angles)
     times_us = 1e6 * times_s
     return {
         "XKF1": [[t, 0, *v, *p] for t, v, p in zip(times_us, vel.tolist(), pos.tolist(), strict=True)],
@@ -53,7 +53,7 @@ def navigated(flight: Flight) -> tuple[Array, Array, Any]:
     """Return velocity and position that the passes lead to from the first on, and the attitude at the end."""
     start_s = 1e-6 * (flight.time_us[:1] - PASS_US)
     (pos,), (vel,), (angles,) = motion(start_s)
-    quat = quaternion.as_quat_array(quats_of_euler([angles]))[0]
+    quat = quaternion.as_quat_array(quats_from_euler([angles]))[0]
     places = []
     for delta in flight.deltas:
         turned = quat * quaternion.from_rotation_vector(delta[3:6])
@@ -71,7 +71,7 @@ def test_sensors_of_the_flight_lead_along_the_estimate() -> None:
     pos_expected, vel_expected, angles = motion(1e-6 * flight.time_us)
     assert vel == pytest.approx(vel_expected[-1], abs=0.02)
     assert np.abs(places - pos_expected).max() < 0.1  # after 7 s of dead reckoning
-    turn = quaternion.as_quat_array(quats_of_euler(angles[-1:]))[0].conj() * quat
+    turn = quaternion.as_quat_array(quats_from_euler(angles[-1:]))[0].conj() * quat
     assert 2 * math.hypot(turn.x, turn.y, turn.z) < 0.01
 
 

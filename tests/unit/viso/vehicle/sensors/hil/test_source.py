@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ekf_stub.core.inertial import GRAVITY_MSS
+from ekf_stub.core.vectors import quat_of_euler
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from tests.unit.viso.vehicle.sensors.conftest import LOOP_US
-from viso.vehicle.sensors.attitude import quat_of_rpy, rotate_to_body
 from viso.vehicle.sensors.errors import SensorErrors
 from viso.vehicle.sensors.hil.source import (
     UPDATED_ABS_PRESSURE,
@@ -26,6 +26,7 @@ from viso.vehicle.sensors.hil.source import (
 )
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.readings import FIELD_NED_MGAUSS
+from viso.vehicle.sensors.vectors import scaled, to_body
 
 if TYPE_CHECKING:
     from tests.unit.viso.vehicle.sensors.conftest import MakeLoop
@@ -306,17 +307,17 @@ class TestHeading:
     def test_it_is_what_the_compass_shows(self, rpy_deg: tuple[float, float, float]) -> None:
         hil = HilSource(ImuOptions(has_compass=lambda: True))
         roll, pitch, yaw = map(math.radians, rpy_deg)
-        quat = quat_of_rpy(roll, pitch, yaw)
-        force = dict(zip(("xacc", "yacc", "zacc"), rotate_to_body(quat, (0.0, 0.0, -GRAVITY_MSS)), strict=True))
-        field = dict(zip(("xmag", "ymag", "zmag"), 1e-3 * rotate_to_body(quat, FIELD_NED_MGAUSS), strict=True))
+        quat = quat_of_euler(roll, pitch, yaw)
+        force = dict(zip(("xacc", "yacc", "zacc"), to_body(quat, (0.0, 0.0, -GRAVITY_MSS)), strict=True))
+        field = dict(zip(("xmag", "ymag", "zmag"), scaled(to_body(quat, FIELD_NED_MGAUSS), 1e-3), strict=True))
         for time_us in (0, 60_000):
             hil.take_hil_sensor(after(REST, time_us, **force, **field), time_us)
             hil.sense(60_000)
         assert hil.yaw_rad() == pytest.approx(yaw, abs=1e-6)
 
     def test_it_is_that_of_the_simulated_vehicle(self, hil: HilSource) -> None:
-        quat = quat_of_rpy(0.1, 0.2, 2.0)
-        hil.take_hil_state(replace(STATE, attitude_quaternion=(quat.w, quat.x, quat.y, quat.z)), 0)
+        quat = quat_of_euler(0.1, 0.2, 2.0)
+        hil.take_hil_state(replace(STATE, attitude_quaternion=quat), 0)
         assert hil.yaw_rad() == pytest.approx(2.0)
 
 
@@ -324,19 +325,19 @@ class TestState:
     """HIL_STATE_QUATERNION, from which the sensors are made."""
 
     def test_at_rest_only_gravity_is_felt(self, hil: HilSource) -> None:
-        quat = quat_of_rpy(0.3, -0.2, 1.0)
+        quat = quat_of_euler(0.3, -0.2, 1.0)
         for time_us in (0, 4000):
-            state = after(STATE, time_us, attitude_quaternion=(quat.w, quat.x, quat.y, quat.z))
+            state = after(STATE, time_us, attitude_quaternion=quat)
             hil.take_hil_state(state, time_us)
         sensors = hil.sense(4000)
         assert sensors is not None
-        assert sensors.delta.del_vel == pytest.approx(rotate_to_body(quat, (0.0, 0.0, -GRAVITY_MSS * 0.004)), rel=1e-6)
+        assert sensors.delta.del_vel == pytest.approx(to_body(quat, (0.0, 0.0, -GRAVITY_MSS * 0.004)), rel=1e-6)
         assert sensors.delta.del_ang == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
 
     def test_change_of_velocity_and_attitude_is_felt(self, hil: HilSource) -> None:
-        quat = quat_of_rpy(0.0, 0.0, 0.01)
+        quat = quat_of_euler(0.0, 0.0, 0.01)
         hil.take_hil_state(STATE, 0)
-        state = after(STATE, 10_000, attitude_quaternion=(quat.w, 0.0, 0.0, quat.z), vx=2, vz=-5)
+        state = after(STATE, 10_000, attitude_quaternion=quat, vx=2, vz=-5)
         hil.take_hil_state(state, 10_000)
         sensors = hil.sense(10_000)
         assert sensors is not None

@@ -12,15 +12,15 @@ import quaternion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ekf_stub.core.vectors import Quat, turned
 from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
-from viso.vehicle.sensors.attitude import halfway, rotation_between
 from viso.vehicle.sensors.errors import SensorErrors
-from viso.vehicle.sensors.motion import Truth
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.script.script import ScriptSource, read_script_source
 from viso.vehicle.sensors.script.script_file import parse_script
+from viso.vehicle.sensors.vectors import halfway, rotation_between
 
 G = 9.80665
 LOOP_US = 2500
@@ -85,21 +85,22 @@ def test_script_may_move_at_any_time() -> None:
     assert not make_source(script_of("given", 'shape = "hover"\nduration_s = 1')).is_at_rest(1)
 
 
-def quat_of(truth: Truth) -> quaternion.quaternion:
-    return quaternion.quaternion(*truth.quat_wxyz)
+def rotation_of(quat: Quat) -> Array:
+    rotation: Array = quaternion.as_rotation_matrix(quaternion.quaternion(*quat))
+    return rotation
 
 
-def dead_reckon(source: ScriptSource, end_us: int) -> Iterator[tuple[int, Array, Array, quaternion.quaternion]]:
+def dead_reckon(source: ScriptSource, end_us: int) -> Iterator[tuple[int, Array, Array, Quat]]:
     """Add up inertial data from the first pass on, and yield time, position, velocity and attitude."""
     sense(source, LOOP_US)
     begin = source.truth(LOOP_US)
-    pos, vel, quat = np.array(begin.pos_ned), np.array(begin.vel_ned), quat_of(begin)
+    pos, vel, quat = np.array(begin.pos_ned), np.array(begin.vel_ned), begin.quat_wxyz
     for now_us in range(2 * LOOP_US, end_us + 1, LOOP_US):
         delta = sense(source, now_us).delta
-        turned = quat * quaternion.from_rotation_vector(delta.del_ang)
-        change = quaternion.as_rotation_matrix(halfway(quat, turned)) @ delta.del_vel
+        after = turned(quat, tuple(delta.del_ang.tolist()))
+        change = rotation_of(halfway(quat, after)) @ delta.del_vel
         change[2] += G * delta.del_vel_dt
-        pos, vel, quat = pos + (vel + 0.5 * change) * delta.del_vel_dt, vel + change, turned
+        pos, vel, quat = pos + (vel + 0.5 * change) * delta.del_vel_dt, vel + change, after
         yield now_us, pos, vel, quat
 
 
@@ -107,8 +108,7 @@ def felt_force(source: ScriptSource, time_us: float) -> Array:
     """Return the specific force in the body frame, from the true velocity and attitude."""
     before, after = (source.truth(round(time_us + sign * 50)) for sign in (-1, 1))
     accel = np.subtract(after.vel_ned, before.vel_ned) / 1e-4 - [0, 0, G]
-    force: Array = quaternion.as_rotation_matrix(quat_of(source.truth(round(time_us)))).T @ accel
-    return force
+    return rotation_of(source.truth(round(time_us)).quat_wxyz).T @ accel
 
 
 @pytest.mark.slow
@@ -119,7 +119,7 @@ def test_a_minute_of_eights_adds_up_to_the_truth() -> None:
     assert np.linalg.norm(truth.vel_ned) > 1
     assert np.linalg.norm(pos - truth.pos_ned) < 0.01
     assert np.linalg.norm(vel - truth.vel_ned) < 1e-4
-    assert np.linalg.norm(rotation_between(quat, quat_of(truth))) < 1e-4
+    assert np.linalg.norm(rotation_between(quat, truth.quat_wxyz)) < 1e-4
 
 
 @pytest.mark.slow
@@ -131,7 +131,7 @@ def test_any_shape_adds_up_to_the_truth(attitude: str, leg: str) -> None:
     truth = source.truth(now_us)
     assert pos == pytest.approx(truth.pos_ned, abs=1e-4)
     assert vel == pytest.approx(truth.vel_ned, abs=1e-5)
-    assert rotation_between(quat, quat_of(truth)) == pytest.approx((0, 0, 0), abs=1e-6)
+    assert rotation_between(quat, truth.quat_wxyz) == pytest.approx((0, 0, 0), abs=1e-6)
 
 
 @settings(max_examples=40)
@@ -155,7 +155,7 @@ def test_rotation_is_that_of_the_true_rates(attitude: str, leg: str, time_s: flo
     angles = sense(source, now_us).delta.del_ang
     middle_us, half_us = now_us - LOOP_US // 2, 500
     before, after = (source.truth(middle_us + step_us).quat_wxyz for step_us in (-half_us, half_us))
-    turn = rotation_between(quaternion.quaternion(*before), quaternion.quaternion(*after))
+    turn = rotation_between(before, after)
     assert angles == pytest.approx(np.array(turn) * LOOP_US / (2 * half_us), abs=2e-5)
 
 
@@ -243,7 +243,7 @@ def test_compass_tells_the_true_yaw(leg: str, time_s: float) -> None:
     assert sensors.mag is not None
     assert sensors.declination == 0
     truth = source.truth(sensors.mag[0])
-    north, east, down = quaternion.as_rotation_matrix(quat_of(truth)) @ sensors.mag[1]
+    north, east, down = rotation_of(truth.quat_wxyz) @ sensors.mag[1]
     assert (north, east, down) == pytest.approx((238, 0, -529), abs=1e-3)
 
 

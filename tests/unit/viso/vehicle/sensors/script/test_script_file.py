@@ -6,14 +6,14 @@ import math
 import textwrap
 
 import pytest
-import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ekf_stub.core.vectors import euler_of
 from viso.errors import InputError
-from viso.geometry.attitude import euler_of
 from viso.vehicle.sensors.script import script_file
 from viso.vehicle.sensors.script.script_file import EXAMPLES, SHAPES, Script, parse_script
+from viso.vehicle.sensors.vectors import to_body
 
 HOVER = '[[leg]]\nshape = "hover"\nduration_s = 2.0\n'
 POINT = '[[leg]]\nshape = "point"\nto_ned_m = [1, 2, -3]\nduration_s = 4\n'
@@ -29,8 +29,7 @@ def parse(text: str, heading_rad: float = 0.0) -> Script:
 
 
 def rpy_deg(script: Script, t: float) -> tuple[float, ...]:
-    quat: quaternion.quaternion = script.trajectory.at(t).quat
-    return tuple(map(math.degrees, euler_of(quat)))
+    return tuple(map(math.degrees, euler_of(script.trajectory.at(t).quat)))
 
 
 def error_of(text: str) -> str:
@@ -94,7 +93,7 @@ def test_multirotor_leans_into_its_acceleration() -> None:
         state, step_s = script.trajectory.at(t), 1e-4
         around = [script.trajectory.at(t + sign * step_s).vel for sign in (-1, 1)]
         accel = [(after - before) / (2 * step_s) for before, after in zip(*around, strict=True)]
-        felt = (state.quat.conj() * quaternion.quaternion(0, *accel[:2], accel[2] - 9.80665) * state.quat).vec
+        felt = to_body(state.quat, (accel[0], accel[1], accel[2] - 9.80665))
         assert felt[:2] == pytest.approx([0, 0], abs=1e-5)
         assert felt[2] < 0
         assert rpy_deg(script, t)[2] == pytest.approx(30)

@@ -5,24 +5,22 @@
 import math
 
 import pytest
-import quaternion
 
-from viso.geometry.attitude import euler_of
-from viso.vehicle.sensors.attitude import quat_of_rpy
+from ekf_stub.core.vectors import Quat, euler_of, quat_of_euler, times
 from viso.vehicle.sensors.stream.frame import Pose, StreamFrame
 from viso.vehicle.sensors.stream.imagined_vehicle import Movement
 from viso.vehicle.sensors.vectors import ZERO, Three
 
 
 def standing(pos: Three, yaw_deg: float) -> Movement:
-    return Movement(pos, ZERO, ZERO, quat_of_rpy(0.0, 0.0, math.radians(yaw_deg)), ZERO)
+    return Movement(pos, ZERO, ZERO, quat_of_euler(0.0, 0.0, math.radians(yaw_deg)), ZERO)
 
 
 def pose(pos: Three, yaw_deg: float, *, roll_deg: float = 0.0) -> Pose:
-    return Pose(0.0, pos, quat_of_rpy(math.radians(roll_deg), 0.0, math.radians(yaw_deg)))
+    return Pose(0.0, pos, quat_of_euler(math.radians(roll_deg), 0.0, math.radians(yaw_deg)))
 
 
-def yaw_deg_of(quat: quaternion.quaternion) -> float:
+def yaw_deg_of(quat: Quat) -> float:
     return math.degrees(euler_of(quat)[2])
 
 
@@ -90,10 +88,10 @@ def test_pose_near_where_the_stream_was_going_is_no_jump(frame: StreamFrame) -> 
 
 
 def test_turn_about_the_vertical_is_told_even_when_pitched_up() -> None:
-    up = Pose(0.0, ZERO, quat_of_rpy(0.0, math.radians(90.0), 0.0))
+    up = Pose(0.0, ZERO, quat_of_euler(0.0, math.radians(90.0), 0.0))
     frame = StreamFrame(pose(ZERO, 0.0), standing(ZERO, 0.0))
     expected = Movement(ZERO, ZERO, ZERO, up.quat, ZERO)
     assert not frame.settle_jump(up, expected, 0.033, is_reset=False)
-    turned = Pose(0.0, ZERO, quat_of_rpy(0.0, 0.0, math.radians(40.0)) * up.quat)
+    turned = Pose(0.0, ZERO, times(quat_of_euler(0.0, 0.0, math.radians(40.0)), up.quat))
     assert frame.settle_jump(turned, expected, 0.033, is_reset=False)
     assert frame.jumps == {"yaw": 1}

@@ -8,7 +8,7 @@ import numpy as np
 import quaternion
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from viso.vehicle.sensors.attitude import quat_of_rpy, rotation_between
+from ekf_stub.core.vectors import normalized, quat_of_euler
 from viso.vehicle.sensors.stream.imagined_vehicle import (
     MAX_ACCEL,
     MAX_ANGULAR_ACCEL,
@@ -17,7 +17,7 @@ from viso.vehicle.sensors.stream.imagined_vehicle import (
     ImaginedVehicle,
     Movement,
 )
-from viso.vehicle.sensors.vectors import ZERO
+from viso.vehicle.sensors.vectors import ZERO, rotation_between
 
 DT = 0.0025
 
@@ -28,13 +28,13 @@ def wild_target(time_s: float) -> Movement:
     pos = 2.0 * math.sin(w * time_s), 2.0 * math.cos(w * time_s) - 2.0, -math.sin(time_s)
     vel = 2.0 * w * math.cos(w * time_s), -2.0 * w * math.sin(w * time_s), -math.cos(time_s)
     acc = -w * w * pos[0], -w * w * (pos[1] + 2.0), math.sin(time_s)
-    quat = quat_of_rpy(0.5 * math.sin(time_s), 0.3 * math.sin(2.0 * time_s), 2.0 * math.sin(time_s))
+    quat = quat_of_euler(0.5 * math.sin(time_s), 0.3 * math.sin(2.0 * time_s), 2.0 * math.sin(time_s))
     return Movement(pos, vel, acc, quat, ZERO)
 
 
 def test_inertial_data_add_up_to_the_movement() -> None:
     vehicle = ImaginedVehicle(0.0)
-    quat, vel, pos = vehicle.quat, np.zeros(3), np.zeros(3)
+    quat, vel, pos = quaternion.quaternion(*vehicle.quat), np.zeros(3), np.zeros(3)
     for number in range(8000):
         if number % 4 == 0:
             vehicle.steer(wild_target(number * DT))
@@ -47,7 +47,7 @@ def test_inertial_data_add_up_to_the_movement() -> None:
     movement = vehicle.movement()
     assert np.abs(pos - movement.pos).max() < 0.01
     assert np.abs(vel - movement.vel).max() < 0.002
-    assert math.hypot(*rotation_between(quat, movement.quat)) < 1e-6
+    assert math.hypot(*rotation_between(tuple(quat.components.tolist()), movement.quat)) < 1e-6
     assert np.abs(np.array(movement.pos) - wild_target(20.0).pos).max() < 0.1
 
 
@@ -57,7 +57,7 @@ def test_limits_hold_for_any_target() -> None:
     before = vehicle.movement()
     for _ in range(2000):
         far = [tuple(1e6 * rng.standard_normal(3)) for _ in range(4)]
-        quat = quaternion.quaternion(*rng.standard_normal(4)).normalized()
+        quat = normalized(tuple(rng.standard_normal(4).tolist()))
         vehicle.steer(Movement(far[0], far[1], far[2], quat, far[3]))
         vehicle.move(DT)
         now = vehicle.movement()
@@ -69,7 +69,7 @@ def test_limits_hold_for_any_target() -> None:
 
 def test_it_catches_up_with_a_target_at_rest_no_faster_than_the_limit() -> None:
     vehicle = ImaginedVehicle(0.0)
-    target = Movement((10.0, 0.0, -10.0), ZERO, ZERO, quat_of_rpy(0.0, 0.0, 3.0), ZERO)
+    target = Movement((10.0, 0.0, -10.0), ZERO, ZERO, quat_of_euler(0.0, 0.0, 3.0), ZERO)
     fastest = 0.0
     for _ in range(4000):
         vehicle.steer(target)
@@ -90,6 +90,6 @@ def test_it_brakes_to_rest_and_levels() -> None:
         vehicle.brake()
         vehicle.move(DT)
     movement = vehicle.movement()
-    down = quaternion.as_rotation_matrix(movement.quat)[2, 2]
+    down = quaternion.as_rotation_matrix(quaternion.quaternion(*movement.quat))[2, 2]
     assert down > 1.0 - 1e-6
     assert max(math.hypot(*movement.vel), math.hypot(*movement.acc), math.hypot(*movement.rate)) < 0.02

@@ -6,14 +6,13 @@ import math
 
 import numpy as np
 import pytest
-import quaternion
 
-from viso.vehicle.sensors.attitude import quat_of_rpy, rotation_between
+from ekf_stub.core.vectors import ONE, quat_of_euler
 from viso.vehicle.sensors.stream.imagined_vehicle import MAX_ACCEL, Movement
 from viso.vehicle.sensors.stream.tracker import MAX_RATE, MAX_SPEED, StreamTracker
-from viso.vehicle.sensors.vectors import ZERO
+from viso.vehicle.sensors.vectors import ZERO, rotation_between
 
-REST = Movement(ZERO, ZERO, ZERO, quaternion.one, ZERO)
+REST = Movement(ZERO, ZERO, ZERO, ONE, ZERO)
 
 
 @pytest.mark.parametrize("interval_s", [0.01, 0.033, 0.1, 0.25])
@@ -21,14 +20,14 @@ def test_constant_acceleration_and_rate_are_found(interval_s: float) -> None:
     tracker = StreamTracker(0.0, REST)
     for number in range(1, round(8.0 / interval_s)):
         t = number * interval_s
-        tracker.take(t, (0.5 * t * t, -2.0 * t, 3.0), quat_of_rpy(0.0, 0.0, 1.5 * t))
+        tracker.take(t, (0.5 * t * t, -2.0 * t, 3.0), quat_of_euler(0.0, 0.0, 1.5 * t))
     ahead_s = tracker.time_s + 0.05
     movement = tracker.at(ahead_s)
     assert movement.pos == pytest.approx((0.5 * ahead_s**2, -2.0 * ahead_s, 3.0), abs=0.01)
     assert movement.vel == pytest.approx((ahead_s, -2.0, 0.0), abs=0.01)
     assert movement.acc == pytest.approx((1.0, 0.0, 0.0), abs=0.01)
     assert movement.rate == pytest.approx((0.0, 0.0, 1.5), abs=0.001)
-    assert math.hypot(*rotation_between(movement.quat, quat_of_rpy(0.0, 0.0, 1.5 * ahead_s))) < 0.001
+    assert math.hypot(*rotation_between(movement.quat, quat_of_euler(0.0, 0.0, 1.5 * ahead_s))) < 0.001
 
 
 def test_noise_is_smoothed() -> None:
@@ -37,7 +36,7 @@ def test_noise_is_smoothed() -> None:
     shown = []
     for number in range(1, 3000):
         x, y, z = 0.01 * rng.standard_normal(3)
-        tracker.take(number / 30.0, (x, y, z), quat_of_rpy(0.0, 0.0, math.radians(0.2) * rng.standard_normal()))
+        tracker.take(number / 30.0, (x, y, z), quat_of_euler(0.0, 0.0, math.radians(0.2) * rng.standard_normal()))
         shown.append((*tracker.at(tracker.time_s).pos, *tracker.at(tracker.time_s).vel))
     pos_and_vel = np.std(shown, axis=0)
     assert pos_and_vel[:3].max() < 0.008
@@ -49,7 +48,7 @@ def test_what_it_believes_is_limited() -> None:
     tracker = StreamTracker(0.0, REST)
     for number in range(1, 1000):
         x, y, z = 1e6 * rng.standard_normal(3)
-        tracker.take(0.001 * number, (x, y, z), quat_of_rpy(*rng.uniform(-3.0, 3.0, 3)))
+        tracker.take(0.001 * number, (x, y, z), quat_of_euler(*rng.uniform(-3.0, 3.0, 3)))
         movement = tracker.at(tracker.time_s)
         assert math.hypot(*movement.vel) <= MAX_SPEED + 1e-9
         assert math.hypot(*movement.acc) <= MAX_ACCEL + 1e-9
