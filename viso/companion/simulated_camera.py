@@ -11,7 +11,7 @@ from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.odometry.message import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
 from viso.companion.sender import OffsetClock
 from viso.companion.trials.scripted_flight import Flight, Vector
-from viso.geometry.tuples import Quat, inverse, product, quat_from_euler, yaw_quat
+from viso.geometry.rotation import inverse, product, quats_from_euler, rotate
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,14 +98,14 @@ class SimulatedCamera:
         noise = [self._noise(s) for s in (self.position_noise_m, self.velocity_noise_m_s, self.angle_noise_rad)]
         if self.faults.dropout and time_s in self.faults.dropout:
             return None
-        turn = yaw_quat(self.frame_yaw_rad)
-        body_to_ned = quat_from_euler(*(self.flight.attitude_rpy_rad(time_s) + noise[2]).tolist())
-        position = _rotated(turn, self.flight.position_ned(time_s)) + self._drift + noise[0]
+        turn = quats_from_euler((0.0, 0.0, self.frame_yaw_rad))
+        body_to_ned = quats_from_euler(self.flight.attitude_rpy_rad(time_s) + noise[2])
+        position = rotate(turn, self.flight.position_ned(time_s)) + self._drift + noise[0]
         if self._has_reset(time_s):
             position = position + np.array(self.faults.reset_jump_m)
         if self.faults.mismatch and time_s in self.faults.mismatch:
             position = position + np.array(self.faults.mismatch_m)
-        velocity = _rotated(inverse(body_to_ned), self.flight.velocity_ned(time_s)) + noise[1]
+        velocity = rotate(inverse(body_to_ned), self.flight.velocity_ned(time_s)) + noise[1]
         return ODOMETRY(
             time_usec=self.clock.time_us(true_us),
             frame_id=MAV_FRAME_LOCAL_FRD,
@@ -113,7 +113,7 @@ class SimulatedCamera:
             x=float(position[0]),
             y=float(position[1]),
             z=float(position[2]),
-            q=product(turn, body_to_ned),
+            q=tuple(product(turn, body_to_ned).tolist()),
             vx=float(velocity[0]),
             vy=float(velocity[1]),
             vz=float(velocity[2]),
@@ -126,20 +126,6 @@ class SimulatedCamera:
             estimator_type=MAV_ESTIMATOR_TYPE_VIO,
             quality=self._quality(time_s),
         )
-
-
-def _rotated(quat_wxyz: Quat, vector: Vector) -> Vector:
-    w, x, y, z = quat_wxyz
-    square = w * w + x * x + y * y + z * z
-    matrix = np.array(
-        (
-            (1.0 - 2 * (y * y + z * z) / square, 2 * (x * y - z * w) / square, 2 * (x * z + y * w) / square),
-            (2 * (x * y + z * w) / square, 1.0 - 2 * (x * x + z * z) / square, 2 * (y * z - x * w) / square),
-            (2 * (x * z - y * w) / square, 2 * (y * z + x * w) / square, 1.0 - 2 * (x * x + y * y) / square),
-        )
-    )
-    turned: Vector = np.tensordot(matrix, vector, axes=(-1, 0))
-    return turned
 
 
 def _covariance(first_deviation: float, second_deviation: float) -> tuple[float, ...]:

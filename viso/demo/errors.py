@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from viso.demo.loop import LoopSetup
 from viso.demo.record import Arrived, Estimate
-from viso.geometry.se3 import Array, rotation_from_quat_wxyz
-from viso.vehicle.sensors.world_flight import WorldFlight, rpy_of
+from viso.geometry.rotation import Array, euler_from_rotations
+from viso.geometry.se3 import rotation_from_quat_wxyz
+from viso.vehicle.sensors.world_flight import WorldFlight
 
 IN_FLIGHT_M: Final = 1.0
 """Height above where it stood from which a vehicle counts as flying."""
@@ -102,7 +103,7 @@ def _against_truth(
     true_ned, true_rotation = truth(setup, t_s)
     rotation = np.array([rotation_from_quat_wxyz(quat) for quat in quats_wxyz]).reshape(-1, 3, 3)
     across = np.cross(rotation[:, 2], true_rotation[:, 2])  # of where each has down in the body
-    turned = rpy_of(rotation)[:, 2] - rpy_of(true_rotation)[:, 2]
+    turned = euler_from_rotations(rotation)[:, 2] - euler_from_rotations(true_rotation)[:, 2]
     return PoseErrors(
         t_s=t_s,
         pos_ned=np.array(pos_ned, np.float64).reshape(-1, 3),

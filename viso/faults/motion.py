@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
+from ekf_stub.core.vectors import Vec3, add, cross, rotated, scaled
 from mav_handlers.wire.messages import (
     DISTANCE_SENSOR,
     ODOMETRY,
@@ -31,18 +32,17 @@ from viso.faults.poses import (
     with_yaw_added,
 )
 from viso.faults.stamps import stamp_of, with_stamp
-from viso.geometry.tuples import Vector, cross, plus, times, turned
 
 FAR_M = 1e7
 FAST_M_S = 1e6
 
 
-def _moved(message: Any, by: Vector) -> Any:
+def _moved(message: Any, by: Vec3) -> Any:
     position = position_of(message)
-    return None if position is None else with_position(message, plus(position, by))
+    return None if position is None else with_position(message, add(position, by))
 
 
-def _gauss(moment: Moment, sd: float) -> Vector:
+def _gauss(moment: Moment, sd: float) -> Vec3:
     return moment.random.gauss(0.0, sd), moment.random.gauss(0.0, sd), moment.random.gauss(0.0, sd)
 
 
@@ -135,7 +135,7 @@ class SensorPlace(ContentFault):
             rates = message.rollspeed, message.pitchspeed, message.yawspeed
             if all(map(math.isfinite, rates)):  # NaN for unknown
                 message = with_body_velocity_added(message, cross(rates, offset))
-        return _moved(message, turned(attitude, offset))
+        return _moved(message, rotated(attitude, offset))
 
 
 @dataclass(slots=True)
@@ -185,7 +185,7 @@ class Drift(ContentFault):
     yaw_deg_s: float = parameter(0.0, -3600.0, 3600.0)
 
     def change(self, message: Any, moment: Moment) -> Any:
-        moved = _moved(message, times(moment.since_s, (self.x_m_s, self.y_m_s, self.z_m_s)))
+        moved = _moved(message, scaled((self.x_m_s, self.y_m_s, self.z_m_s), moment.since_s))
         if moved is None or not self.yaw_deg_s:
             return moved
         return with_yaw_added(moved, math.radians(self.yaw_deg_s) * moment.since_s)
@@ -210,11 +210,11 @@ class Scale(ContentFault):
         if isinstance(message, VISION_POSITION_DELTA):
             return replace(message, position_delta=tuple(self.factor * delta for delta in message.position_delta))
         if isinstance(message, ODOMETRY):
-            vx, vy, vz = times(self.factor, (message.vx, message.vy, message.vz))
+            vx, vy, vz = scaled((message.vx, message.vy, message.vz), self.factor)
             message = replace(message, vx=vx, vy=vy, vz=vz)
         elif not isinstance(message, VISION_SPEED_ESTIMATE) and position_of(message) is None:
             return None
-        return with_position(message, times(self.factor, (message.x, message.y, message.z)))
+        return with_position(message, scaled((message.x, message.y, message.z), self.factor))
 
 
 def _sensor_of(message: Any) -> tuple[int, ...]:

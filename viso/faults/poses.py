@@ -10,6 +10,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
+from ekf_stub.core.vectors import (
+    Quat,
+    Vec3,
+    add,
+    conjugate,
+    euler_of,
+    is_finite,
+    quat_of_euler,
+    rotated,
+    times,
+)
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
     GLOBAL_VISION_POSITION_ESTIMATE,
@@ -20,17 +31,6 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     VISION_SPEED_ESTIMATE,
     Message,
-)
-from viso.geometry.tuples import (
-    Quat,
-    Vector,
-    euler_from_quat,
-    inverse,
-    plus,
-    product,
-    quat_from_euler,
-    turned,
-    yaw_quat,
 )
 
 VISION_TYPES: Final[tuple[type[Message], ...]] = (
@@ -45,14 +45,15 @@ VISION_TYPES: Final[tuple[type[Message], ...]] = (
 VISION_NAMES: Final = frozenset(cls.__name__ for cls in VISION_TYPES)
 _EULER: Final = (VISION_POSITION_ESTIMATE, GLOBAL_VISION_POSITION_ESTIMATE, VICON_POSITION_ESTIMATE)
 _POSED: Final = (*_EULER, ATT_POS_MOCAP, ODOMETRY)
+_NO_QUAT: Final = (math.nan, math.nan, math.nan, math.nan)
 
 
-def position_of(message: Any) -> Vector | None:
+def position_of(message: Any) -> Vec3 | None:
     """Return the position in m, in the axes of the message; None if it has none."""
     return (message.x, message.y, message.z) if isinstance(message, _POSED) else None
 
 
-def with_position(message: Any, position: Vector) -> Any:
+def with_position(message: Any, position: Vec3) -> Any:
     """Return a message whose x, y and z are a position, or a speed, with others."""
     x, y, z = position
     return replace(message, x=x, y=y, z=z)
@@ -71,7 +72,8 @@ def has_quaternion(message: Any) -> bool:
 def attitude_of(message: Any) -> Quat | None:
     """Return the attitude, None if the message has none."""
     if has_euler_angles(message):
-        return quat_from_euler(message.roll, message.pitch, message.yaw)
+        angles = message.roll, message.pitch, message.yaw
+        return quat_of_euler(*angles) if is_finite(angles) else _NO_QUAT
     return tuple(message.q) if has_quaternion(message) else None
 
 
@@ -79,7 +81,8 @@ def with_attitude(message: Any, quat_wxyz: Quat) -> Any:
     """Return a message that has an attitude with another."""
     if has_quaternion(message):
         return replace(message, q=quat_wxyz)
-    roll, pitch, yaw = euler_from_quat(quat_wxyz)
+    is_known = all(map(math.isfinite, quat_wxyz))
+    roll, pitch, yaw = euler_of(quat_wxyz) if is_known else (math.nan, math.nan, math.nan)
     return replace(message, roll=roll, pitch=pitch, yaw=yaw)
 
 
@@ -90,22 +93,22 @@ def with_yaw_added(message: Any, yaw_rad: float) -> Any:
         return replace(message, yaw=math.remainder(yaw, math.tau) if math.isfinite(yaw) else yaw)
     if not has_quaternion(message):
         return None
-    return replace(message, q=product(yaw_quat(yaw_rad), tuple(message.q)))
+    return replace(message, q=times(quat_of_euler(0.0, 0.0, yaw_rad), tuple(message.q)))
 
 
-def with_velocity_added(message: Any, vel_local: Vector) -> Any:
+def with_velocity_added(message: Any, vel_local: Vec3) -> Any:
     """Return the message with a velocity, in m/s in the local frame, added to its own; None if it has none."""
     if isinstance(message, VISION_SPEED_ESTIMATE):
-        return with_position(message, plus((message.x, message.y, message.z), vel_local))
+        return with_position(message, add((message.x, message.y, message.z), vel_local))
     if not isinstance(message, ODOMETRY):
         return None
     q: Any = message.q
-    return with_body_velocity_added(message, turned(inverse(q), vel_local))
+    return with_body_velocity_added(message, rotated(conjugate(tuple(q)), vel_local))
 
 
-def with_body_velocity_added(message: ODOMETRY, vel_body: Vector) -> ODOMETRY:
+def with_body_velocity_added(message: ODOMETRY, vel_body: Vec3) -> ODOMETRY:
     """Return the message with a velocity, in m/s in the body frame, added to its own."""
-    vx, vy, vz = plus((message.vx, message.vy, message.vz), vel_body)
+    vx, vy, vz = add((message.vx, message.vy, message.vz), vel_body)
     return replace(message, vx=vx, vy=vy, vz=vz)
 
 
@@ -120,8 +123,8 @@ def with_flow(message: OPTICAL_FLOW, change: Callable[[float, float], tuple[floa
 
 def turned_about_origin(message: Any, yaw_rad: float) -> Any:
     """Return the message as of a local frame that is turned about its origin, None if that makes no difference."""
-    turn = yaw_quat(yaw_rad)
+    turn = quat_of_euler(0.0, 0.0, yaw_rad)
     if isinstance(message, VISION_SPEED_ESTIMATE):
-        return with_position(message, turned(turn, (message.x, message.y, message.z)))
+        return with_position(message, rotated(turn, (message.x, message.y, message.z)))
     position = position_of(message)
-    return None if position is None else with_position(with_yaw_added(message, yaw_rad), turned(turn, position))
+    return None if position is None else with_position(with_yaw_added(message, yaw_rad), rotated(turn, position))

@@ -8,12 +8,12 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from ekf_stub.core.vectors import Quat, Vec3, conjugate, times
 from mav_handlers.wire.messages import ODOMETRY, OPTICAL_FLOW, VISION_POSITION_DELTA, VISION_SPEED_ESTIMATE
 from viso.faults.fault import ContentFault, Moment
 from viso.faults.poses import attitude_of, position_of, with_attitude, with_flow, with_position
 from viso.geometry.frame_change import axes_matrix
 from viso.geometry.se3 import Array, quat_wxyz_from_rotation
-from viso.geometry.tuples import Quat, Vector, inverse, product
 
 
 class AxesOf(enum.StrEnum):
@@ -44,7 +44,7 @@ class _Axes:
         w, x, y, z = quat_wxyz_from_rotation(self.handedness * self.matrix).tolist()
         return w, x, y, z
 
-    def coordinates(self, vector: Vector) -> Vector:
+    def coordinates(self, vector: Vec3) -> Vec3:
         """Return the coordinates, in these axes, of a vector; each is copied, so that NaN stays where it belongs."""
         rows = np.abs(self.matrix).argmax(axis=0)
         x, y, z = (float(self.matrix[row, column]) * vector[row] for column, row in enumerate(rows))
@@ -98,7 +98,7 @@ class WrongAxes(ContentFault):
                 message = replace(message, vx=vx, vy=vy, vz=vz)
         return self._turned(message, quat) if attitude else message
 
-    def _at(self, message: Any, vector: Vector) -> Any:
+    def _at(self, message: Any, vector: Vec3) -> Any:
         return with_position(message, self._world.coordinates(vector))
 
     def _flow(self, x: float, y: float) -> tuple[float, float]:
@@ -112,7 +112,7 @@ class WrongAxes(ContentFault):
             # An axial vector: it changes its sign with the handedness.
             roll, pitch, yaw = (self._body.handedness * rate for rate in self._body.coordinates(rates))
             message = replace(message, rollspeed=roll, pitchspeed=pitch, yawspeed=yaw)
-        return with_attitude(message, product(product(inverse(self._world.quat_wxyz), quat), self._body.quat_wxyz))
+        return with_attitude(message, times(times(conjugate(self._world.quat_wxyz), quat), self._body.quat_wxyz))
 
     def _delta(self, message: VISION_POSITION_DELTA, *, vectors: bool, attitude: bool) -> VISION_POSITION_DELTA:
         if vectors:

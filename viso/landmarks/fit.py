@@ -17,7 +17,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.geometry.se3 import Array, so3_log
+from viso.geometry.rotation import Array, quats_from_rotation_vectors, rotations_from_quats
+from viso.geometry.se3 import so3_log
 from viso.landmarks.observation import (
     camera_R_body,
     rays,
@@ -144,17 +145,8 @@ class _Track:
         xyz = self._xyz[before] + share[:, np.newaxis] * (self._xyz[before + 1] - self._xyz[before])
         xyz[~known] = np.nan
         yaw_rad = self._yaw_rad[before] + share * (self._yaw_rad[before + 1] - self._yaw_rad[before])
-        return xyz, yaw_rad, self._attitudes[before] @ _rotations(share[:, np.newaxis] * self._turns[before])
-
-
-def _rotations(vectors: Array) -> Array:
-    """Return the rotation matrices [N, 3, 3] of rotation vectors [N, 3] in rad."""
-    half_turns = np.linalg.norm(vectors, axis=1)[:, np.newaxis, np.newaxis] / math.pi
-    cross = np.zeros((len(vectors), 3, 3))
-    cross[:, (2, 0, 1), (1, 2, 0)] = vectors
-    cross -= np.swapaxes(cross, 1, 2)
-    rotations: Array = np.eye(3) + np.sinc(half_turns) * cross + 0.5 * np.sinc(0.5 * half_turns) ** 2 * cross @ cross
-    return rotations
+        since = rotations_from_quats(quats_from_rotation_vectors(share[:, np.newaxis] * self._turns[before]))
+        return xyz, yaw_rad, self._attitudes[before] @ since
 
 
 class _Model:

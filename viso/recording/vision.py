@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
+from ekf_stub.core.vectors import Vec3, conjugate, quat_of_euler, rotated
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
     GLOBAL_VISION_POSITION_ESTIMATE,
@@ -23,21 +24,19 @@ from viso.recording.scenario import Jump, Stream
 
 _WOBBLE_S: Final = 4.0
 
-Vector = tuple[float, float, float]
-
 
 class Pose(NamedTuple):
     """Where a camera is: NED position in m, velocity in m/s, roll, pitch and yaw in rad."""
 
-    position_m: Vector
-    velocity_m_s: Vector
-    angles_rad: Vector
+    position_m: Vec3
+    velocity_m_s: Vec3
+    angles_rad: Vec3
 
 
 def pose_at(stream: Stream, time_s: float) -> Pose:
     """Return where the camera of a stream is, a time after it began; not of one that follows the truth."""
     north, east, down = stream.position_m
-    velocity: Vector = (0.0, 0.0, 0.0)
+    velocity: Vec3 = (0.0, 0.0, 0.0)
     if stream.motion == "line":
         velocity = (stream.velocity_m_s[0], stream.velocity_m_s[1], stream.velocity_m_s[2])
         north, east, down = (place + speed * time_s for place, speed in zip((north, east, down), velocity, strict=True))
@@ -51,25 +50,8 @@ def pose_at(stream: Stream, time_s: float) -> Pose:
     return Pose((north, east, down), velocity, (wobble, -0.5 * wobble, yaw))
 
 
-def quaternion(angles_rad: Vector) -> tuple[float, float, float, float]:
-    """Return the attitude of roll, pitch and yaw as w, x, y, z."""
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(one / 2), math.sin(one / 2)) for one in angles_rad)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
-
-
-def _to_body(angles_rad: Vector, vector: Vector) -> Vector:
-    w, x, y, z = quaternion(angles_rad)
-    a, b, c = vector
-    return (
-        (1 - 2 * (y * y + z * z)) * a + 2 * (x * y + w * z) * b + 2 * (x * z - w * y) * c,
-        2 * (x * y - w * z) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z + w * x) * c,
-        2 * (x * z + w * y) * a + 2 * (y * z - w * x) * b + (1 - 2 * (x * x + y * y)) * c,
-    )
+def _to_body(angles_rad: Vec3, vector: Vec3) -> Vec3:
+    return rotated(conjugate(quat_of_euler(*angles_rad)), vector)
 
 
 class VisionStream:
@@ -85,7 +67,7 @@ class VisionStream:
         self._random = random.Random(stream.seed)
         self._truth: Pose | None = None
         self._before: Pose | None = None
-        self._jumped: tuple[Vector, float] = (0.0, 0.0, 0.0), 0.0
+        self._jumped: tuple[Vec3, float] = (0.0, 0.0, 0.0), 0.0
 
     def next_due_us(self) -> int:
         """Return when there is something to do: a frame is taken, or a message is sent."""
@@ -142,16 +124,14 @@ class VisionStream:
         covariance = _filled(stream.covariance, 21)
         if name == "ODOMETRY":
             frame, child = map(int, stream.frames)
-            body = _to_body(angles, pose.velocity_m_s)
+            quat, body = quat_of_euler(*angles), _to_body(angles, pose.velocity_m_s)
             of_velocity = _filled(stream.velocity_covariance, 21)
             ends = self._resets, 0, stream.quality
-            return ODOMETRY(
-                stamp, frame, child, x, y, z, quaternion(angles), *body, 0.0, 0.0, 0.0, covariance, of_velocity, *ends
-            )
+            return ODOMETRY(stamp, frame, child, x, y, z, quat, *body, 0.0, 0.0, 0.0, covariance, of_velocity, *ends)
         if name == "VISION_SPEED_ESTIMATE":
             return VISION_SPEED_ESTIMATE(stamp, vx, vy, vz, _filled(stream.velocity_covariance, 9), self._resets)
         if name == "ATT_POS_MOCAP":
-            return ATT_POS_MOCAP(stamp, quaternion(angles), x, y, z, covariance)
+            return ATT_POS_MOCAP(stamp, quat_of_euler(*angles), x, y, z, covariance)
         if name == "VISION_POSITION_DELTA":
             return self._delta(stamp, pose)
         if name == "VICON_POSITION_ESTIMATE":

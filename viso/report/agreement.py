@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.estimators.series import Array, Mask, Series
+from viso.geometry.rotation import rotations_from_euler
 from viso.report.flight_data import Material, position_moves
 
 BRIDGED_S: Final = 0.3
@@ -110,18 +111,6 @@ def wrapped_deg(angle_deg: Array) -> Array:
     return (angle_deg + 180.0) % 360.0 - 180.0
 
 
-def rotations(rpy_deg: Array) -> Array:
-    """Return roll, pitch and yaw in deg [N, 3] as matrices [N, 3, 3] from FRD to NED; NaN where an angle is."""
-    roll, pitch, yaw = np.deg2rad(rpy_deg).T
-    (cr, cp, cy), (sr, sp, sy) = (function([roll, pitch, yaw]) for function in (np.cos, np.sin))
-    rows = (
-        (cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy),
-        (cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy),
-        (-sp, sr * cp, cr * cp),
-    )
-    return np.array(rows).transpose(2, 0, 1)
-
-
 @dataclass(frozen=True, slots=True)
 class Differences:
     """Vision less EKF at the same instants, both of where the camera is.
@@ -155,7 +144,9 @@ def differences(material: Material) -> Differences:
     vel_time_s = observed_s(visv, delay_ms_of(material))
     return Differences(
         time_s=vision.time_s,
-        pos_ned=vision.pos_ned - at_poses.pos_ned - rotations(at_poses.rpy_deg) @ _camera_frd(material),
+        pos_ned=vision.pos_ned
+        - at_poses.pos_ned
+        - rotations_from_euler(np.radians(at_poses.rpy_deg)) @ _camera_frd(material),
         yaw_deg=wrapped_deg(vision.rpy_deg[:, 2] - at_poses.rpy_deg[:, 2]),
         vel_time_s=vel_time_s,
         vel_ned=visv.matrix("VX", "VY", "VZ") - interpolated(ekf, vel_time_s, moves_s).vel_ned,

@@ -19,8 +19,9 @@ import numpy as np
 from viso.errors import InputError
 from viso.estimators.series import Array
 from viso.geometry.frame_change import axes_matrix
+from viso.geometry.rotation import rotations_from_euler
 from viso.geometry.se3 import quat_wxyz_from_rotation
-from viso.report.agreement import Poses, ekf_poses, interpolated, lag_ms, rotations, vision_poses
+from viso.report.agreement import Poses, ekf_poses, interpolated, lag_ms, vision_poses
 from viso.report.flight_data import Material, position_moves
 from viso.streams.bag_formats import MISSING_EXTRA
 
@@ -59,7 +60,7 @@ def trajectories(material: Material) -> dict[str, Poses]:
 
 def in_ros_axes(poses: Poses) -> Iterator[tuple[float, Array, Array, Array]]:
     """Yield time in s, position ENU in m, quaternion w, x, y, z from FLU to ENU, and velocity FLU in m/s."""
-    matrices = rotations(poses.rpy_deg)
+    matrices = rotations_from_euler(np.radians(poses.rpy_deg))
     for time_s, pos, vel, matrix in zip(poses.time_s, poses.pos_ned, poses.vel_ned, matrices, strict=True):
         body_to_world = _WORLD @ matrix @ _FROM_FLU
         yield float(time_s), _WORLD @ pos, quat_wxyz_from_rotation(body_to_world), body_to_world.T @ (_WORLD @ vel)

@@ -18,7 +18,8 @@ from mav_handlers.wire.messages import (
 )
 from viso.companion.odometry.encoding import UNKNOWN, CovarianceEncoding, encoded
 from viso.companion.odometry.message import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
-from viso.geometry.se3 import Array, rotation_from_quat_wxyz, so3_log
+from viso.geometry.rotation import Array, euler_from_rotations
+from viso.geometry.se3 import rotation_from_quat_wxyz, so3_log
 from viso.geometry.trajectory import Pose
 
 MAX_DELTA_US: Final = 1_000_000
@@ -59,9 +60,7 @@ class Report:
     @property
     def angles_rad(self) -> tuple[float, float, float]:
         """Roll, pitch and yaw."""
-        r = self.rotation
-        roll, pitch = math.atan2(r[2, 1], r[2, 2]), -math.asin(min(max(float(r[2, 0]), -1.0), 1.0))
-        return roll, pitch, math.atan2(r[1, 0], r[0, 0])
+        return _three(euler_from_rotations(self.rotation))
 
     @property
     def covariance(self) -> tuple[float, ...]:

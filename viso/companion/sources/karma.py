@@ -16,6 +16,7 @@ import numpy as np
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD, GRAVITY_MSS
 from viso.companion.vio.types import ImuBias, ImuSample, WarmStartPose
+from viso.geometry.rotation import rotations_from_euler
 from viso.geometry.se3 import SE3, Array, quat_wxyz_from_rotation, so3_exp
 
 DELAY_S: Final = 0.2
@@ -87,13 +88,13 @@ def drone_track(attitudes: Array, positions: Array, spans: Sequence[tuple[float,
     if np.abs(boot_s).max() > LONGEST_S:
         raise ValueError("times since boot of more than eleven days")
     angles = [np.interp(boot_s, attitude_s, np.unwrap(column)) for column in attitudes[:, 1:4].T]
-    quats = [_quat_wxyz(*rpy) for rpy in zip(*(angle.tolist() for angle in angles), strict=True)]
+    attitudes = ENU_TO_NED.T @ rotations_from_euler(np.column_stack(angles)) @ FLU_TO_FRD
     return DroneTrack(
         boot_s - _boot_of_video_s(spans) - DELAY_S,
         positions[:, 1:4] @ ENU_TO_NED,
         positions[:, 4:7] @ ENU_TO_NED,
         0.5 * math.pi - angles[2],
-        np.array(quats),
+        np.array([quat_wxyz_from_rotation(one) for one in attitudes]),
     )
 
 
@@ -105,8 +106,3 @@ def _boot_of_video_s(spans: Sequence[tuple[float, float, float, float]]) -> floa
     latest = min(first_s - start_s for start_s, _, first_s, _ in spans)
     earliest = max(last_s - end_s for _, end_s, _, last_s in spans)
     return 0.5 * (latest + earliest)
-
-
-def _quat_wxyz(roll: float, pitch: float, yaw: float) -> Array:
-    ned_R_frd = so3_exp(yaw * _Z).dot(so3_exp(pitch * _Y)).dot(so3_exp(roll * _X))
-    return quat_wxyz_from_rotation(ENU_TO_NED.T.dot(ned_R_frd).dot(FLU_TO_FRD))

@@ -4,10 +4,9 @@
 
 import math
 
-import numpy as np
-
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
-from viso.geometry.se3 import Array, rotation_from_quat_wxyz, so3_exp, yaw_of
+from viso.geometry.rotation import Array, rotations_from_euler
+from viso.geometry.se3 import rotation_from_quat_wxyz, yaw_of
 from viso.landmarks.inputs.base import LARGEST_M, Refused
 from viso.landmarks.types import VehiclePose
 
@@ -28,9 +27,7 @@ def ned_R_frd(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
     """
     if not math.isfinite(roll_rad + pitch_rad + yaw_rad):
         raise Refused("an attitude that is no rotation")
-    roll, pitch, yaw = (so3_exp(vector) for vector in np.diag([roll_rad, pitch_rad, yaw_rad]))
-    attitude: Array = yaw.dot(pitch).dot(roll)
-    return attitude
+    return rotations_from_euler((roll_rad, pitch_rad, yaw_rad))
 
 
 def pose_from_enu(t_s: float, position_enu: tuple[float, float, float], enu_R_flu: Array) -> VehiclePose:

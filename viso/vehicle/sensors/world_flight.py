@@ -9,7 +9,7 @@ import numpy as np
 
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.world.motion import Trajectory as WorldTrajectory
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array, euler_from_rotations
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.script.legs import Motion, Trajectory
 from viso.vehicle.sensors.script.script import ScriptSource
@@ -32,13 +32,6 @@ class WorldFlight:
         motion, to_ned = self._trajectory.motion(t_s), ENU_TO_NED
         rotation = np.einsum("ij,njk,kl->nil", to_ned, motion.rotation_wb, FLU_TO_FRD)
         return (motion.position_w - self._start_w).dot(to_ned.T), motion.velocity_w.dot(to_ned.T), rotation
-
-
-def rpy_of(rotation: Array) -> Array:
-    """Return roll, pitch and yaw [N, 3] in rad (3-2-1) of attitudes [N, 3, 3], body to earth."""
-    roll = np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
-    pitch = np.arcsin(np.clip(-rotation[:, 2, 0], -1.0, 1.0))
-    return np.stack([roll, pitch, np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])], axis=-1)
 
 
 class WorldLeg:
@@ -64,7 +57,7 @@ class WorldLeg:
 
     def _motions_at(self, t_s: Array) -> list[Motion]:
         pos, vel, rotation = self._flight.at(t_s)
-        rows = zip(pos.tolist(), vel.tolist(), rpy_of(rotation).tolist(), strict=True)
+        rows = zip(pos.tolist(), vel.tolist(), euler_from_rotations(rotation).tolist(), strict=True)
         return [Motion((*p,), (*v,), _STILL, (*angles,)) for p, v, angles in rows]
 
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ekf_stub.core.vectors import euler_of, quat_of_euler, rotated
 from tests.unit.viso.faults.rig import (
     BEAT,
     EAST,
@@ -27,7 +28,6 @@ from tests.unit.viso.faults.rig import (
     speed,
 )
 from viso.geometry.se3 import rotation_from_quat_wxyz
-from viso.geometry.tuples import euler_from_quat, quat_from_euler, turned
 
 ANGLES = st.floats(-3.1, 3.1)
 
@@ -42,10 +42,10 @@ def body_velocity(message: Any) -> tuple[float, float, float]:
 
 @given(roll=ANGLES, pitch=st.floats(-1.5, 1.5), yaw=ANGLES)
 def test_angles_and_quaternion_agree_with_matrices(roll: float, pitch: float, yaw: float) -> None:
-    quat = quat_from_euler(roll, pitch, yaw)
-    assert euler_from_quat(quat) == pytest.approx((roll, pitch, yaw), abs=1e-6)
+    quat = quat_of_euler(roll, pitch, yaw)
+    assert euler_of(quat) == pytest.approx((roll, pitch, yaw), abs=1e-6)
     vector = (1.0, -2.0, 3.0)
-    assert turned(quat, vector) == pytest.approx(rotation_from_quat_wxyz(quat).dot(np.array(vector)))
+    assert rotated(quat, vector) == pytest.approx(rotation_from_quat_wxyz(quat).dot(np.array(vector)))
 
 
 def test_glit_moves_every_position() -> None:
@@ -88,7 +88,7 @@ def test_yaw_turns_the_local_frame() -> None:
     assert pose.yaw == pytest.approx(-math.pi / 2)
     assert place(velocity) == pytest.approx((0.0, -1.0, 0.0), abs=1e-6)
     assert body_velocity(odom) == (1.0, 0.0, 0.0)
-    assert euler_from_quat(odom.q) == pytest.approx((0, 0, -math.pi / 2))
+    assert euler_of(odom.q) == pytest.approx((0, 0, -math.pi / 2))
 
 
 def test_yawerr_turns_the_attitude_alone() -> None:

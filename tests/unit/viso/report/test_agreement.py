@@ -6,13 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import quaternion
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.unit.viso.report.log_maker import LogMaker, material_of
 from viso.estimators.series import Series
-from viso.report.agreement import Poses, differences, interpolated, lag_ms, rotations, wrapped_deg
+from viso.report.agreement import Poses, differences, interpolated, lag_ms, wrapped_deg
 from viso.report.flight_data import Material
 
 NO_MOVES = np.zeros(0)
@@ -64,12 +61,3 @@ def test_lag_survives_the_wrap_of_milliseconds() -> None:
     late = Series(np.array([(2**32 + 15) * 1e-3]), {"CTimeMS": np.array([2.0**32 - 10])})
     early = Series(np.array([1.0]), {"CTimeMS": np.array([1005.0])})
     assert (lag_ms(late)[0], lag_ms(early)[0]) == (pytest.approx(25.0), pytest.approx(-5.0))
-
-
-@given(st.lists(st.floats(-180, 180), min_size=3, max_size=3))
-def test_rotations_are_those_of_quaternions(rpy_deg: list[float]) -> None:
-    roll, pitch, yaw = np.deg2rad(rpy_deg)
-    turns = [np.exp(quaternion.quaternion(0, *(angle / 2 * np.eye(3)[axis]))) for axis, angle in ((2, yaw), (1, pitch))]
-    expected = turns[0] * turns[1] * np.exp(quaternion.quaternion(0, roll / 2, 0, 0))
-    found = rotations(np.array([rpy_deg]))[0]
-    np.testing.assert_allclose(found, quaternion.as_rotation_matrix(expected), atol=1e-12)

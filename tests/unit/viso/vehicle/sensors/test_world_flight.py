@@ -12,7 +12,7 @@ from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.world.motion import nadir_survey
 from viso.geometry.se3 import Array, rotation_from_quat_wxyz
 from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.world_flight import WorldFlight, WorldLeg, flight_source, rpy_of
+from viso.vehicle.sensors.world_flight import WorldFlight, WorldLeg, flight_source
 
 FLIGHT = from_ground(nadir_survey(8.0, 20.0), still_s=1.0, climb_s=4.0, ramp_s=2.0)
 START_S = 2.0
@@ -75,16 +75,3 @@ def test_barometer_tells_the_height() -> None:
     assert sensors is not None
     assert sensors.baro is not None
     assert list(sensors.baro) == pytest.approx([8950, -true_ned(6.95)[0][2]], abs=1e-4)
-
-
-def test_angles_are_those_of_the_attitudes() -> None:
-    rpy = np.array([[0.1, -0.2, 3.0], [-0.4, 0.3, -1.0]])
-    rotations = [
-        quaternion.as_rotation_matrix(
-            quaternion.from_rotation_vector([0, 0, yaw])
-            * quaternion.from_rotation_vector([0, pitch, 0])
-            * quaternion.from_rotation_vector([roll, 0, 0])
-        )
-        for roll, pitch, yaw in rpy
-    ]
-    assert rpy_of(np.array(rotations)) == pytest.approx(rpy, abs=1e-12)
