@@ -17,7 +17,8 @@ from viso.companion.trials.trial import EventSource, run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.result import Result
 from viso.companion.vio.types import ImuBias, VioState, WarmStartPose
-from viso.geometry.se3 import SE3, Array, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp
 
 THREE_SIGMA: Final = 14.16  # of the normalised square of three numbers: 99.73 %
 

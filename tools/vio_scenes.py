@@ -21,7 +21,8 @@ from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import hover, nadir_survey, room_tour
 from viso.companion.world.scenery import Hills, Room
 from viso.companion.world.texture import GroundTexture, to_pixels
-from viso.geometry.se3 import SE3, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import so3_exp
 
 Flights = Callable[[int], SyntheticFlight]
 """Returns the flight of a seed."""

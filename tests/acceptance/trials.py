@@ -20,7 +20,7 @@ from viso.companion.world.flight import SyntheticFlight
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import nadir_survey
 from viso.companion.world.texture import GroundTexture
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 DATA = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data"))
 NADIR = VioConfig(scene=Scene.PLANAR, agl_source=AglSource.RANGEFINDER)

@@ -42,8 +42,7 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
-from viso.geometry.covariance import sound_covariance
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3, sound_covariance
 
 Prepare = Callable[[], object]
 

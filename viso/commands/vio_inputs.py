@@ -15,7 +15,7 @@ from viso.companion.vio.registry import build_vio_strategy
 from viso.errors import InputError, told_errors
 from viso.geometry.frame_change import parse_rotation
 from viso.geometry.records import TrajectoryError
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 from viso.streams.readers import Source, load_trajectory
 from viso.terminal.engine import with_engine
 

@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from viso.demo.loop import LoopSetup
 from viso.demo.record import Arrived, Estimate
-from viso.geometry.rotation import Array, euler_from_rotations
-from viso.geometry.se3 import rotation_from_quat_wxyz
+from viso.geometry.rotation import Array, euler_from_rotations, rotation_from_quat_wxyz
 from viso.vehicle.sensors.world_flight import WorldFlight
 
 IN_FLIGHT_M: Final = 1.0

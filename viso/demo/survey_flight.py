@@ -14,7 +14,7 @@ from viso.companion.world.flight import SyntheticFlight
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import Trajectory, nadir_survey
 from viso.companion.world.texture import GroundTexture
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 STAND_M: Final = 0.25  # height of the body's origin above ground while it stands
 COMPANION_CLOCK_NS: Final = 300_000_000_000

@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from viso.estimators.least_squares import blocks_of, fit
 from viso.estimators.pairs import TurnPair, centred, correlation_of, turn_pair
-from viso.geometry.rotation import Array, best_rotation
-from viso.geometry.se3 import skews
+from viso.geometry.rotation import Array, best_rotation, skews
 
 SEARCH_MS: Final = (-100.0, 400.0)
 """The least and the largest delay to consider."""

@@ -13,7 +13,7 @@ from mav_handlers.wire.messages import ODOMETRY, OPTICAL_FLOW, VISION_POSITION_D
 from viso.faults.fault import ContentFault, Moment
 from viso.faults.poses import attitude_of, position_of, with_attitude, with_flow, with_position
 from viso.geometry.frame_change import axes_matrix
-from viso.geometry.se3 import Array, quat_wxyz_from_rotation
+from viso.geometry.rotation import Array, quat_wxyz_from_rotation
 
 
 class AxesOf(enum.StrEnum):

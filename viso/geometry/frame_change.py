@@ -15,8 +15,15 @@ from typing import Final
 
 import numpy as np
 
-from viso.geometry.rotation import inverse, product, rotations_from_euler
-from viso.geometry.se3 import ORTHONORMAL, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
+from viso.geometry.rotation import (
+    ORTHONORMAL,
+    Array,
+    inverse,
+    product,
+    quat_wxyz_from_rotation,
+    rotation_from_quat_wxyz,
+    rotations_from_euler,
+)
 from viso.geometry.trajectory import RecordedTrajectory
 
 # North and forward are x of the autopilot, east and right y, down z.

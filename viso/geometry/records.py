@@ -9,8 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from viso.geometry.covariance import sound_covariance
-from viso.geometry.se3 import Array
+from viso.geometry.pose import sound_covariance
+from viso.geometry.rotation import Array
 from viso.geometry.trajectory import RecordedTrajectory
 
 LARGEST: Final = 1e6

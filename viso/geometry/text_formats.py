@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from viso.geometry.records import CUT_SHORT, Records, TrajectoryError
-from viso.geometry.se3 import Array, quat_wxyz_from_rotation
+from viso.geometry.rotation import Array, quat_wxyz_from_rotation
 from viso.geometry.trajectory import TIME_END_NS
 
 NANOSECONDS_FROM: Final = 1_000_000_000_000

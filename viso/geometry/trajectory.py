@@ -11,7 +11,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.geometry.se3 import Array, read_only
+from viso.geometry.pose import read_only
+from viso.geometry.rotation import Array
 
 Integers = npt.NDArray[np.int64]
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from viso.companion.vio.frames import yaw_of_heading
-from viso.geometry.se3 import Array, quat_wxyz_from_rotation
+from viso.geometry.rotation import Array, quat_wxyz_from_rotation
 from viso.landmarks.local_frame import FrameMode, to_enu
 from viso.landmarks.observation import world_R_body
 from viso.landmarks.types import (

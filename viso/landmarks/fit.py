@@ -17,8 +17,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.geometry.rotation import Array, quats_from_rotation_vectors, rotations_from_quats
-from viso.geometry.se3 import so3_log
+from viso.geometry.rotation import Array, quats_from_rotation_vectors, rotations_from_quats, so3_log
 from viso.landmarks.observation import (
     camera_R_body,
     rays,

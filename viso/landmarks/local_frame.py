@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.extras import pip_install
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 from viso.landmarks.types import GeodeticPoint
 
 EARTH_RADIUS_M: Final = 6_371_000.0

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.companion.vio.frames import MOUNTINGS
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 from viso.landmarks.types import Camera, VehiclePose
 
 LANDMARK_NEAREST_M: Final = 1e-6

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from viso.extras import pip_install
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 from viso.landmarks.aircraft import STALE_AFTER_S
 from viso.landmarks.local_frame import FrameMode, to_enu, to_geodetic
 from viso.landmarks.types import AircraftReport, GeodeticPoint

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 from viso.landmarks.observation import (
     AIRCRAFT_NEAREST_M,
     LANDMARK_NEAREST_M,

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 from viso.landmarks.aircraft import drawn
 from viso.landmarks.observation import (
     AIRCRAFT_NEAREST_M,

@@ -8,7 +8,7 @@ from collections.abc import Reversible
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from viso.geometry.se3 import so3_exp, so3_log
+from viso.geometry.rotation import so3_exp, so3_log
 from viso.landmarks.aircraft import STALE_AFTER_S, AircraftTracker
 from viso.landmarks.local_frame import FrameMode, to_enu, to_geodetic
 from viso.landmarks.receiver import PERIOD_S, ReceiverFilter, estimate_receiver, receiver_record

@@ -15,7 +15,8 @@ from typing import Any, ClassVar, Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.geometry.se3 import Array, read_only
+from viso.geometry.pose import read_only
+from viso.geometry.rotation import Array
 
 M_PER_FT: Final = 0.3048
 M_S_PER_KT: Final = 0.514444

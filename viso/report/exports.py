@@ -19,8 +19,7 @@ import numpy as np
 from viso.errors import InputError
 from viso.estimators.series import Array
 from viso.geometry.frame_change import axes_matrix
-from viso.geometry.rotation import rotations_from_euler
-from viso.geometry.se3 import quat_wxyz_from_rotation
+from viso.geometry.rotation import quat_wxyz_from_rotation, rotations_from_euler
 from viso.report.agreement import Poses, ekf_poses, interpolated, lag_ms, vision_poses
 from viso.report.flight_data import Material, position_moves
 from viso.streams.bag_formats import MISSING_EXTRA

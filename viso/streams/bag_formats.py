@@ -12,7 +12,7 @@ from typing import Any, Final, TypeAlias
 
 from viso.extras import pip_install
 from viso.geometry.records import Records, TrajectoryError
-from viso.geometry.se3 import rotation_from_quat_wxyz
+from viso.geometry.rotation import rotation_from_quat_wxyz
 from viso.geometry.trajectory import TIME_END_NS
 
 MISSING_EXTRA: Final = f"bags are read with rosbags; install it with: {pip_install('bags')}"

@@ -13,7 +13,7 @@ import numpy as np
 from mav_handlers.wire.messages import Message
 from viso.companion.odometry.encoding import CovarianceEncoding
 from viso.geometry.records import DAY_NS, FAR_OFF, NOT_LATER, TooFewRecords, TrajectoryError, usable
-from viso.geometry.se3 import Array, so3_log
+from viso.geometry.rotation import Array, so3_log
 from viso.geometry.trajectory import Pose, RecordedTrajectory
 from viso.streams.bag_formats import PoseMessage, collect
 from viso.streams.messages import FORMS, Form, Report

@@ -18,8 +18,7 @@ from mav_handlers.wire.messages import (
 )
 from viso.companion.odometry.encoding import UNKNOWN, CovarianceEncoding, encoded
 from viso.companion.odometry.message import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
-from viso.geometry.rotation import Array, euler_from_rotations
-from viso.geometry.se3 import rotation_from_quat_wxyz, so3_log
+from viso.geometry.rotation import Array, euler_from_rotations, rotation_from_quat_wxyz, so3_log
 from viso.geometry.trajectory import Pose
 
 MAX_DELTA_US: Final = 1_000_000

@@ -19,8 +19,7 @@ from mav_handlers.wire.codec import Codec
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.errors import InputError, told_errors
 from viso.geometry.records import Records, TrajectoryError
-from viso.geometry.rotation import Array, euler_from_quats, inverse, product, rotate
-from viso.geometry.se3 import quat_wxyz_from_rotation
+from viso.geometry.rotation import Array, euler_from_quats, inverse, product, quat_wxyz_from_rotation, rotate
 from viso.geometry.trajectory import Pose
 from viso.streams.messages import FORMS, Report
 from viso.streams.readers import Source, load_records

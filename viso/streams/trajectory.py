@@ -11,7 +11,7 @@ import numpy as np
 from viso.errors import InputError, told_errors, within
 from viso.geometry.frame_change import FrameChange, parse_axes
 from viso.geometry.records import TrajectoryError
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 from viso.geometry.trajectory import RecordedTrajectory
 from viso.streams.messages import FORMS, Form
 from viso.streams.player import Playback, Player, RecordedEngine

@@ -11,7 +11,7 @@ from viso.companion.run.log import VioLog
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.result import Result
 from viso.companion.vio.types import FeatureQuality, ImuBias, VioOutput, VioState, frame_uuid
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 SECOND_NS = 10**9
 STEP = SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))

@@ -40,7 +40,7 @@ from viso.companion.engine.protocol import (
     nothing,
 )
 from viso.companion.vio.types import Pixels
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 _LONGEST: Final = 1 << 30
 _READ_BYTES: Final = 1 << 20

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Final, TypeVar, get_type_hints
 
 import numpy as np
 
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 VERSION: Final = 1
 MAGIC: Final = b"VISE"

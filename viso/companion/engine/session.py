@@ -37,7 +37,8 @@ from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.types import CameraCalibration, DistortionModel, Pixels, WarmStartPose
-from viso.geometry.se3 import SE3, Array, skew
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, skew
 
 SMALLEST_WIDTH_PX: Final = 16
 MOST: Final = 1e7

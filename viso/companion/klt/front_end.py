@@ -15,7 +15,7 @@ from viso.companion.klt.tracker import KltTracker
 from viso.companion.vio.config import Scene, VioConfig
 from viso.companion.vio.types import CameraCalibration, Pixels
 from viso.companion.vio.undistortion import distort, undistort
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 Ids = npt.NDArray[np.int64]
 

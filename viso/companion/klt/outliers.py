@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from viso.companion.klt.grid import Mask
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 _CONFIDENCE: Final = 0.999
 _ITERATIONS: Final = 500

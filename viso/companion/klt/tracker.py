@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from viso.companion.klt.grid import Mask, Points
 from viso.companion.vio.types import Pixels
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 Patches = npt.NDArray[np.float32]
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from viso.companion.msckf.window_filter import ATT, GYRO, POS, VEL, WindowFilter
-from viso.geometry.se3 import Array, skew
+from viso.geometry.rotation import Array, skew
 
 STILL_VELOCITY_SIGMA_M_S: Final = 0.02
 STILL_GYRO_SIGMA_RAD_S: Final = 0.003

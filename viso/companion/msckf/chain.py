@@ -10,7 +10,7 @@ links share. What it has learnt about a keyframe since that was told is not in t
 import numpy as np
 
 from viso.companion.msckf.window_filter import CLONE, MOTION, POSE, WindowFilter
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 
 class Chain:

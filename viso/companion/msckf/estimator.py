@@ -14,7 +14,7 @@ from viso.companion.msckf.tracks import RIPE, TrackBook, padded
 from viso.companion.msckf.window_filter import VEL, WindowFilter, sigma_of
 from viso.companion.vio.imu import bracketed
 from viso.companion.vio.types import ImuWindow
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 UNSURE_VELOCITY_M_S: Final = 0.1
 UNSURE_PASSES: Final = 6

@@ -11,7 +11,8 @@ from viso.companion.klt.outliers import Model
 from viso.companion.msckf.multi_state import Plane
 from viso.companion.msckf.window_filter import POS, WindowFilter, sigma_of
 from viso.companion.vio.config import AglSource, Scene, VioConfig
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 ROUGHNESS_SHARE: Final = 0.005  # of the height: how far each point is off a plane, independently of the others
 MIN_PLANE_HEIGHT_M: Final = 0.5

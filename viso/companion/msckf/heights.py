@@ -10,7 +10,7 @@ from typing import Final
 from viso.companion.msckf.aiding import height_nis, take_height
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.vio.types import HeightMeasurement
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 MAX_AGE_NS: Final = 200_000_000
 SIGMA_SHARE: Final = 0.01  # of the height: no sigma is smaller

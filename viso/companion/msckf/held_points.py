@@ -17,7 +17,8 @@ from scipy.special import chdtri
 from viso.companion.klt.front_end import Sighting
 from viso.companion.msckf.triangulation import Mask
 from viso.companion.msckf.window_filter import CLONE, MOTION, POINT, POSE, HeldPoint, WindowFilter
-from viso.geometry.se3 import SE3, Array, skew
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, skew
 
 MOST_HELD: Final = 24
 FEWEST_HELD: Final = 12  # below it others are taken

@@ -19,7 +19,8 @@ from scipy.special import chdtri
 from viso.companion.msckf.tracks import Tracks
 from viso.companion.msckf.triangulation import Mask, directions_of, on_plane, triangulate
 from viso.companion.msckf.window_filter import CLONE, MOTION, Clone, WindowFilter
-from viso.geometry.se3 import SE3, Array, skews
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, skews
 
 _REFUSED: Final = 0.05  # of good tracks, by the gate
 _WIDEST_GATE: Final = 25.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from viso.companion.klt.front_end import Sighting, common_points
 from viso.companion.vio.types import ImuSample, ImuWindow
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 MAX_DISPARITY_PX: Final = 0.4
 MAX_GYRO_STD_RAD_S: Final = 0.02

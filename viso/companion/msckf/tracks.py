@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 MOST_TRACKS: Final = 45
 RIPE: Final = 6

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.companion.msckf.tracks import Tracks
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 Mask = npt.NDArray[np.bool_]
 

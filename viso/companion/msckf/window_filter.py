@@ -24,7 +24,8 @@ from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu import ImuSteps, steps_between
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
-from viso.geometry.se3 import SE3, Array, right_jacobian, skew, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, right_jacobian, skew, so3_exp
 
 # Of the error vector: attitude (rad), position (m), velocity (m/s), all in the world, gyro bias (rad/s) and
 # accelerometer bias (m/s^2) in the body; then attitude and position of each past pose; then of each held point its

@@ -16,8 +16,8 @@ import numpy as np
 from viso.companion.vio.config import LocalAlignment
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.types import VioOutput
-from viso.geometry.covariance import sound_covariance
-from viso.geometry.se3 import SE3, Array, so3_exp, yaw_of
+from viso.geometry.pose import SE3, sound_covariance
+from viso.geometry.rotation import Array, so3_exp, yaw_of
 
 AGL_SCALE_SIGMA: Final = 0.02
 JUMP_M: Final = 0.5

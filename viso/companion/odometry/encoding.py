@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from viso.companion.vio.config import CovarianceEncoding
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 __all__ = ["UNKNOWN", "CovarianceEncoding", "edge_covariance", "encoded"]
 

@@ -24,7 +24,7 @@ from mav_handlers.wire.messages import (
 from viso.companion.odometry.clock_sync import ClockSync
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD, GRAVITY_MSS
 from viso.companion.vio.types import ImuSample
-from viso.geometry.se3 import Array, rotation_from_quat_wxyz, so3_exp, yaw_of
+from viso.geometry.rotation import Array, rotation_from_quat_wxyz, so3_exp, yaw_of
 
 MAV_CMD_SET_MESSAGE_INTERVAL: Final = 511
 MAV_SENSOR_ROTATION_PITCH_270: Final = 25

@@ -13,7 +13,7 @@ from viso.companion.odometry.encoding import UNKNOWN, edge_covariance, encoded
 from viso.companion.odometry.propagation import MotionState
 from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
 from viso.companion.vio.frames import FLU_TO_FRD
-from viso.geometry.se3 import quat_wxyz_from_rotation
+from viso.geometry.rotation import quat_wxyz_from_rotation
 
 MAV_FRAME_BODY_FRD: Final = 12
 MAV_FRAME_LOCAL_FRD: Final = 20

@@ -14,7 +14,8 @@ from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu import steps_of
 from viso.companion.vio.preintegration import PreintegratedDelta, preintegrate
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
-from viso.geometry.se3 import SE3, Array, skew
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, skew
 
 HISTORY_NS: Final = 10_000_000_000
 VELOCITY_SIGMA_M_S: Final = 0.1

@@ -18,7 +18,7 @@ from viso.companion.odometry.propagation import MotionState, OdometryPropagator
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.result import Degraded, Initializing, Lost, Result, Tracking
 from viso.companion.vio.types import FeatureQuality, ImuSample, VioState
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 QUALITY_LOST: Final = -1
 FULL_INLIERS: Final = 100

@@ -15,7 +15,7 @@ from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, Tim
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.result import Result
 from viso.companion.vio.types import VioState
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 TOTAL: Final = "total"
 

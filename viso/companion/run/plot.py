@@ -15,7 +15,7 @@ from viso.companion.run.log import VioLog
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.types import VioState
 from viso.files.outputs import output_file
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 _TRUTH: Final = "0.45"
 _PATH: Final = "#1f77b4"

@@ -29,7 +29,8 @@ from viso.companion.vio.types import (
     WarmStartPose,
 )
 from viso.companion.world.flight import SyntheticFlight
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 AUTOPILOT_STREAMS_HZ: Final = MappingProxyType({"ATTITUDE_QUATERNION": 20.0, "LOCAL_POSITION_NED": 20.0})
 MAX_POSITION_AGE_NS: Final = 200_000_000

@@ -12,7 +12,8 @@ import numpy as np
 
 from viso.companion.msckf.window_filter import ACCEL, ATT, CLONE, GYRO, MOTION, POSE, VEL, Clone, WindowFilter
 from viso.companion.smoother.lag_smoother import Motion
-from viso.geometry.se3 import SE3, Array, skew
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, skew
 
 _LEAST_SIGMA: Final = 1e-3  # m and rad, of a start that claims to know its place exactly
 _LEARNT: Final = 0.1  # share of its variance that a direction must have lost to count

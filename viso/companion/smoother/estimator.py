@@ -27,7 +27,8 @@ from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, MIN_PARALLAX_RAD
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.imu import bracketed
 from viso.companion.vio.types import ImuSample, ImuWindow
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 EARLY_NODES: Final = 4  # the first with landmarks: where things are is hardly known
 EARLY_PASSES: Final = 4

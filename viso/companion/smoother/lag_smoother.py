@@ -18,7 +18,8 @@ from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu import steps_between
 from viso.companion.vio.types import ImuBias, ImuSample
 from viso.extras import pip_install
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 try:
     import gtsam

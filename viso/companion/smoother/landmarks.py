@@ -14,7 +14,8 @@ from viso.companion.msckf.multi_state import seen_again
 from viso.companion.msckf.tracks import MOST_TRACKS, Tracks, padded
 from viso.companion.msckf.triangulation import Mask, directions_of, triangulate
 from viso.companion.smoother.lag_smoother import Seen
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 MOST_LANDMARKS: Final = 50  # at a time; more take longer and hardly help
 FEWEST_SIGHTINGS: Final = 3

@@ -25,7 +25,8 @@ from viso.companion.vio.types import (
     frame_uuid,
 )
 from viso.geometry.frame_change import axes_matrix
-from viso.geometry.se3 import SE3, Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
 
 LEAD_NS: Final = 100_000_000
 """How long before the first frame inertial data are of use."""

@@ -21,8 +21,9 @@ from viso.companion.sources.video import check_size, opencv
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import CalibrationError, load_calibration
 from viso.companion.vio.types import CameraCalibration, ImuBias, ImuSample, NavCameraFrame, Pixels, WarmStartPose
+from viso.geometry.pose import SE3
 from viso.geometry.records import TrajectoryError, usable
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.rotation import Array
 from viso.geometry.text_formats import EUROC, TUM, Row, read_text, rows_of, table_records
 
 _CAMERAS: Final = ("cam0/data", "cam0")

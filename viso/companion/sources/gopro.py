@@ -19,7 +19,7 @@ from viso.companion.sources.gpmf import GpmfError, Stream, streams_of
 from viso.companion.sources.karma import DroneTrack, drone_track
 from viso.companion.sources.mp4 import Payload, read_payloads
 from viso.companion.vio.types import ImuSample
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 TELEMETRY: Final = b"gpmd"
 DEFAULT_AXES: Final = "ZXY"

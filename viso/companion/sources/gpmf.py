@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 COMPLEX: Final = "?"
 _FORMS: Final[Mapping[str, str]] = MappingProxyType(

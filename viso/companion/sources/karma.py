@@ -16,8 +16,8 @@ import numpy as np
 from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD, GRAVITY_MSS
 from viso.companion.vio.types import ImuBias, ImuSample, WarmStartPose
-from viso.geometry.rotation import rotations_from_euler
-from viso.geometry.se3 import SE3, Array, quat_wxyz_from_rotation, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, quat_wxyz_from_rotation, rotations_from_euler, so3_exp
 
 DELAY_S: Final = 0.2
 """How late the drone's messages are: by that, its accelerations agree best with those that the camera felt."""

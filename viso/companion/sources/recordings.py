@@ -19,7 +19,7 @@ from viso.companion.vio.calibration import load_calibration
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.types import CameraCalibration, SensorEvent
 from viso.companion.world.flight import DEFAULT_FRAME_RATE_HZ, SyntheticFlight, nadir_calibration
-from viso.geometry.se3 import quat_wxyz_from_rotation
+from viso.geometry.rotation import quat_wxyz_from_rotation
 
 SYNTHETIC: Final = "synthetic"
 KARMA: Final = Path(__file__).with_name("karma_hero5_854x480.toml")

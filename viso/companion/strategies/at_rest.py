@@ -13,7 +13,8 @@ from viso.companion.vio.config import ImuNoise, VioConfig
 from viso.companion.vio.imu import steps_of
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.types import CameraCalibration, ImuBias, ImuWindow, Pixels, WarmStartPose
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 # Of tilt and yaw in rad, velocity in m/s, gyro bias in rad/s, accelerometer bias in m/s^2.
 _SIGMAS: Final = (0.02, 1e-6, 0.02, 0.003, 0.1)

@@ -43,8 +43,8 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
-from viso.geometry.covariance import sound_covariance
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3, sound_covariance
+from viso.geometry.rotation import Array
 
 BACKOFF_S: Final = (0.0, 0.5, 1.0, 2.0, 4.0)
 """From a failure to the next start, for the first failure in a row, the second and so on, in time of the frames."""

@@ -35,8 +35,8 @@ from viso.companion.vio.types import (
     VioOutput,
     WarmStartPose,
 )
-from viso.geometry.covariance import sound_covariance
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3, sound_covariance
+from viso.geometry.rotation import Array
 
 LEAST_VARIANCE_M2: Final = 1e-6  # of a position that is told
 _LEAST_COV: Final = np.diag([0.0] * 3 + [LEAST_VARIANCE_M2] * 3)

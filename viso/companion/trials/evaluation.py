@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from viso.geometry.se3 import SE3, Array, read_only, rotation_from_quat_wxyz
+from viso.geometry.pose import SE3, read_only
+from viso.geometry.rotation import Array, rotation_from_quat_wxyz
 
 
 class EvaluationError(ValueError):

@@ -33,7 +33,8 @@ from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.sensor_yaml import sensor_values
 from viso.companion.vio.types import CameraCalibration, DistortionModel
 from viso.documents import parsed_toml
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 
 class CalibrationError(ValueError):

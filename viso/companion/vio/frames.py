@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 GRAVITY_MSS: Final = 9.80665
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from viso.companion.vio.types import ImuSample, ImuWindow
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 CAPACITY: Final = 2000  # 10 s at 200 Hz
 WAIT_S: Final = 0.05

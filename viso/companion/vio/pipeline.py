@@ -33,7 +33,7 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 _R = TypeVar("_R", bound=Result)
 

@@ -17,7 +17,7 @@ import numpy as np
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.imu import ImuSteps
 from viso.companion.vio.types import ImuBias
-from viso.geometry.se3 import Array, skews
+from viso.geometry.rotation import Array, skews
 
 _IDENTITY: Final = np.eye(3)
 _SMALL_SQUARE: Final = 1e-2  # of an angle in rad, below which series are more exact than differences

@@ -17,8 +17,8 @@ from typing import Any, Final, Self
 import numpy as np
 import numpy.typing as npt
 
-from viso.geometry.covariance import sound_covariance
-from viso.geometry.se3 import SE3, Array, read_only
+from viso.geometry.pose import SE3, read_only, sound_covariance
+from viso.geometry.rotation import Array
 
 Pixels = npt.NDArray[np.uint8]
 

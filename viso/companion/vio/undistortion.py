@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from viso.companion.vio.types import CameraCalibration, DistortionModel
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 _MAX_ITERATIONS: Final = 20
 # Newton's method squares the error: a last step of this length leaves one below 1e-9.

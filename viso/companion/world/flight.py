@@ -24,7 +24,8 @@ from viso.companion.vio.types import (
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import Trajectory, nadir_survey
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
-from viso.geometry.se3 import SE3, Array, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp
 
 if TYPE_CHECKING:
     from viso.companion.world.scenery import Place

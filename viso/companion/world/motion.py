@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 Curve = Callable[[Array], Array]
 

@@ -17,7 +17,8 @@ from viso.companion.vio.types import CameraCalibration, DistortionModel, NavCame
 from viso.companion.vio.undistortion import undistort
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, DETAIL_SCALES, GroundTexture, pixel_from_ground
 from viso.extras import pip_install
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 try:
     import cv2

@@ -14,7 +14,8 @@ import numpy.typing as npt
 from viso.companion.vio.types import CameraCalibration, Pixels
 from viso.companion.world.renderer import Pyramid, Renderer, as_bytes, directions
 from viso.companion.world.texture import GroundTexture
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 _STEP_PX: Final = 4  # hills bend little from one pixel to the next: rays are met only so often
 _MEETINGS: Final = 12  # iterations until a ray has met a slope

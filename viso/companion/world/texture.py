@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.companion.vio.types import Pixels
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 Field = npt.NDArray[np.float32]
 

@@ -5,8 +5,7 @@
 import math
 
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
-from viso.geometry.rotation import Array, rotations_from_euler
-from viso.geometry.se3 import rotation_from_quat_wxyz, yaw_of
+from viso.geometry.rotation import Array, rotation_from_quat_wxyz, rotations_from_euler, yaw_of
 from viso.landmarks.inputs.base import LARGEST_M, Refused
 from viso.landmarks.types import VehiclePose
 

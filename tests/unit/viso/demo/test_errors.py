@@ -19,7 +19,7 @@ from viso.demo.errors import PoseErrors, estimate_errors, odometry_errors, truth
 from viso.demo.loop import LoopSetup
 from viso.demo.record import Arrived, Estimate
 from viso.demo.survey_flight import SurveyPlan, survey_flight
-from viso.geometry.se3 import Array, quat_wxyz_from_rotation
+from viso.geometry.rotation import Array, quat_wxyz_from_rotation
 
 PLAN = SurveyPlan(climb_s=1.0, cruise_s=5.0, height_m=10.0)
 SETUP = LoopSetup(flight=survey_flight(PLAN, 20.0, texture=generate_texture(size_px=64)), companion_us=2_000_000)

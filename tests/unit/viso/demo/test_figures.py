@@ -17,7 +17,7 @@ from viso.demo.figures import LoopFigures, accuracy_of, figures_of, figures_tabl
 from viso.demo.loop import CompanionLoop
 from viso.demo.loop_plot import save_plot
 from viso.demo.record import COMPANION
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 from viso.logs.sink import MemoryLog
 
 pytestmark = pytest.mark.slow  # a flight with a companion

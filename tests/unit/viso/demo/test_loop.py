@@ -15,7 +15,8 @@ from viso.companion.vio.types import NavCameraFrame, VioState, WarmStartPose
 from viso.demo.errors import estimate_errors, odometry_errors
 from viso.demo.loop import CompanionLoop
 from viso.demo.record import AUTOPILOT, COMPANION, Arrived, Estimate
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 pytestmark = pytest.mark.slow  # the flights; what a short one shows is in test_figures
 

@@ -27,7 +27,7 @@ from tests.unit.viso.faults.rig import (
     position,
     speed,
 )
-from viso.geometry.se3 import rotation_from_quat_wxyz
+from viso.geometry.rotation import rotation_from_quat_wxyz
 
 ANGLES = st.floats(-3.1, 3.1)
 

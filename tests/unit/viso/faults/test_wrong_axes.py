@@ -22,7 +22,7 @@ from tests.unit.viso.faults.rig import (
     speed,
 )
 from viso.geometry.frame_change import axes_matrix
-from viso.geometry.se3 import rotation_from_quat_wxyz
+from viso.geometry.rotation import rotation_from_quat_wxyz
 
 ENU_FLU = "kind: axes, world_axes: ENU, body_axes: FLU"
 RIGHT_HANDED = ("NED", "ENU", "NWU", "FRD", "FLU", "RDF", "BLD", "DBL")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE
 from tests.places import SHARED
 from viso.geometry.frame_change import PRESETS, FrameChange, axes_matrix, parse_axes, parse_rotation
-from viso.geometry.se3 import Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz, so3_exp, so3_log
+from viso.geometry.rotation import Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz, so3_exp, so3_log
 from viso.geometry.trajectory import RecordedTrajectory
 from viso.streams.messages import Report, vision_position_estimate
 from viso.streams.readers import Source, load_trajectory

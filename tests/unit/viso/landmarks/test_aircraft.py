@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.geometry.se3 import rotation_from_quat_wxyz, so3_exp
+from viso.geometry.rotation import rotation_from_quat_wxyz, so3_exp
 from viso.landmarks.aircraft import AircraftTracker, attitude_wxyz, drawn, state_vectors_record, velocity_enu
 from viso.landmarks.local_frame import FrameMode, to_geodetic
 from viso.landmarks.types import AircraftReport, AircraftState, GeodeticPoint, VehiclePose

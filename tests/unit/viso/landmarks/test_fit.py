@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import pytest
 
-from viso.geometry.se3 import so3_exp, yaw_of
+from viso.geometry.rotation import so3_exp, yaw_of
 from viso.landmarks.fit import PoseErrors, fit_pose_errors
 from viso.landmarks.observation import project
 from viso.landmarks.residuals import landmark_residuals

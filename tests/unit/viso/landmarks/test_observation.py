@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.geometry.se3 import so3_exp
+from viso.geometry.rotation import so3_exp
 from viso.landmarks.observation import (
     AIRCRAFT_NEAREST_M,
     LANDMARK_NEAREST_M,

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.viso.landmarks.scenes import scenes_of
-from viso.geometry.se3 import so3_exp
+from viso.geometry.rotation import so3_exp
 from viso.landmarks.local_frame import FrameMode, to_geodetic
 from viso.landmarks.scene import Scene
 from viso.landmarks.session import (

@@ -36,7 +36,8 @@ from viso.companion.engine.protocol import (
 from viso.companion.engine.session import EngineSession, relative_covariance
 from viso.companion.vio.config import EngineConfig, VioConfig
 from viso.companion.vio.types import CameraCalibration, Pixels
-from viso.geometry.se3 import SE3, Array, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp
 
 GREY: Pixels = np.arange(48 * 64, dtype=np.uint64).reshape(48, 64).astype(np.uint8)
 HELLO = {"version": 1, "name": b"wax"}

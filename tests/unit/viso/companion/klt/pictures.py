@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from viso.companion.vio.types import CameraCalibration, DistortionModel, Pixels
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 250.0
 

@@ -25,7 +25,7 @@ from viso.companion.vio.config import Scene, VioConfig
 from viso.companion.vio.health import MIN_COVERAGE
 from viso.companion.vio.types import DistortionModel, Pixels
 from viso.companion.vio.undistortion import undistort
-from viso.geometry.se3 import so3_exp
+from viso.geometry.rotation import so3_exp
 
 MOST = 100
 IMAGE = texture()

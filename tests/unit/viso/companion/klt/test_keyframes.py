@@ -9,7 +9,7 @@ import pytest
 
 from viso.companion.klt.front_end import MAX_AGE_NS, MIN_COMMON, MIN_DISPARITY_PX, Keyframe, Sighting
 from viso.companion.klt.outliers import Model, rotated
-from viso.geometry.se3 import Array, so3_exp
+from viso.geometry.rotation import Array, so3_exp
 
 FOCAL = 500.0
 POINTS = np.random.default_rng(0).uniform(-0.4, 0.4, (60, 2))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from viso.companion.klt.outliers import Model, check, rotated
-from viso.geometry.se3 import SE3, Array, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp
 
 FOCAL = 500.0
 THRESHOLD_PX = 1.0

@@ -9,7 +9,7 @@ from tests.unit.viso.companion.klt.pictures import HEIGHT, WIDTH, moved, noise, 
 from viso.companion.klt.grid import FeatureGrid, Points
 from viso.companion.klt.tracker import BORDER_PX, KltTracker
 from viso.companion.vio.types import Pixels
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 IMAGE = texture()
 BLACK: Pixels = np.zeros_like(IMAGE)

@@ -9,7 +9,7 @@ from tests.unit.viso.companion.klt.pictures import calibration, texture
 from viso.companion.klt.working_image import WorkingImages, shrink_factor
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.types import Pixels
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,8 @@ from viso.companion.vio.imu import ImuSteps
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 from viso.companion.world.flight import SimulatedImu, default_bias
 from viso.companion.world.motion import Trajectory, nadir_survey
-from viso.geometry.se3 import SE3, Array, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp
 
 B_T_C = SE3(MOUNTINGS["nadir"], np.array([0.1, 0.0, -0.05]))
 HALF_WIDTH, HALF_HEIGHT = 0.64, 0.48

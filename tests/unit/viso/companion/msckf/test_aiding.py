@@ -10,7 +10,8 @@ import pytest
 from tests.unit.viso.companion.msckf.point_world import filter_at
 from viso.companion.msckf.aiding import STILL_GYRO_SIGMA_RAD_S, STILL_VELOCITY_SIGMA_M_S, stand_still, take_height
 from viso.companion.msckf.window_filter import ATT, GYRO, POS, VEL, WindowFilter, sigma_of
-from viso.geometry.se3 import SE3, Array, skew, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, skew, so3_exp
 
 POSE = SE3(so3_exp(np.array([0.1, -0.2, 2.0])), np.array([30.0, -10.0, 40.0]))
 BIAS = np.array([0.004, -0.006, 0.003])

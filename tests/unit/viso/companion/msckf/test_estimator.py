@@ -25,7 +25,7 @@ from viso.companion.msckf.window_filter import ACCEL, GYRO, VEL, WindowFilter
 from viso.companion.vio.types import ImuSample, ImuWindow
 from viso.companion.world.flight import default_bias
 from viso.companion.world.motion import Trajectory, hover, nadir_survey
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 CLONES = 11
 GROUND = Plane(0.0, 0.1)

@@ -13,7 +13,8 @@ from viso.companion.msckf.ground import Ground
 from viso.companion.msckf.window_filter import WindowFilter
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.frames import MOUNTINGS
-from viso.geometry.se3 import SE3, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import so3_exp
 
 PLANAR = {"scene": "planar", "agl_source": "rangefinder"}
 CAMERA = SE3(MOUNTINGS["nadir"], np.array([1.0, 2.0, 40.0]))

@@ -11,7 +11,7 @@ import pytest
 from tests.unit.viso.companion.msckf.point_world import filter_at
 from viso.companion.msckf.heights import MOST_REFUSED, Heights
 from viso.companion.msckf.window_filter import WindowFilter
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 MS = 1_000_000
 GROUND_M = -5.0

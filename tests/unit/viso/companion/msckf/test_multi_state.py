@@ -17,7 +17,8 @@ from viso.companion.msckf.tracks import Tracks, padded
 from viso.companion.msckf.window_filter import CLONE, MOTION, Clone, WindowFilter
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.types import ImuBias
-from viso.geometry.se3 import SE3, Array, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp
 
 CLONES, POINTS = 8, 30
 SIZE = MOTION + CLONE * CLONES

@@ -14,7 +14,7 @@ from viso.companion.klt.front_end import Sighting
 from viso.companion.klt.outliers import Model
 from viso.companion.msckf.stillness import Stillness, level_rotation
 from viso.companion.vio.types import ImuSample, ImuWindow
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 FOCAL = 500.0
 POINTS = np.random.default_rng(0).uniform(-0.4, 0.4, (50, 2))

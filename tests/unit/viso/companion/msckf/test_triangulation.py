@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from viso.companion.msckf.tracks import Tracks, padded
 from viso.companion.msckf.triangulation import on_plane, triangulate
-from viso.geometry.se3 import SE3, Array, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp
 
 DOWN = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 

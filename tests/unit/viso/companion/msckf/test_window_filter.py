@@ -24,7 +24,8 @@ from viso.companion.msckf.window_filter import (
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.imu import ImuSteps
 from viso.companion.vio.types import ImuBias
-from viso.geometry.se3 import SE3, Array, right_jacobian, right_jacobian_inverse, skew, so3_exp, so3_log
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, right_jacobian, right_jacobian_inverse, skew, so3_exp, so3_log
 
 NOISE = ImuNoise()
 POSE = SE3(so3_exp(np.array([0.3, -0.4, 1.2])), np.array([30.0, -20.0, 40.0]))

@@ -11,7 +11,8 @@ import pytest
 
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.types import FeatureQuality, ImuBias, ImuSample, VioOutput, frame_uuid
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 GOOD = FeatureQuality(100, 0, 0, 100, 10.0, 0.3, 0.6)
 

@@ -14,7 +14,8 @@ from viso.companion.odometry.composer import LocalPose, OdometryComposer, local_
 from viso.companion.vio.config import LocalAlignment
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.vio.types import VioOutput
-from viso.geometry.se3 import SE3, Array, so3_exp, yaw_of
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp, yaw_of
 
 Make = Callable[..., Any]
 

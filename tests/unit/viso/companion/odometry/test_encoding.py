@@ -13,7 +13,8 @@ from mav_handlers.covariance import pose_errors
 from viso.companion.odometry.encoding import edge_covariance, encoded
 from viso.companion.vio.config import CovarianceEncoding
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
-from viso.geometry.se3 import SE3, Array, so3_exp, so3_log
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp, so3_log
 
 DIAGONAL = (0, 6, 11, 15, 18, 20)
 LEANING = so3_exp(np.array([0.0, 0.0, 2.0])).dot(so3_exp(np.array([0.3, -0.4, 0.0])))

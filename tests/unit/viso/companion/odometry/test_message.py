@@ -21,7 +21,8 @@ from viso.companion.odometry.message import odometry_message
 from viso.companion.odometry.propagation import MotionState
 from viso.companion.vio.config import CovarianceEncoding, LocalAlignment
 from viso.companion.vio.frames import ENU_TO_NED
-from viso.geometry.se3 import SE3, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import so3_exp
 
 ROTATION = so3_exp(np.array([0.0, 0.0, 2.0])).dot(so3_exp(np.array([0.2, -0.1, 0.0])))
 STATE = MotionState(

@@ -13,7 +13,8 @@ from viso.companion.odometry.propagation import HISTORY_NS, MotionState, Odometr
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.types import ImuBias, ImuSample
-from viso.geometry.se3 import SE3, Array, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp
 
 AtRest = Callable[[int], ImuSample]
 

@@ -22,7 +22,8 @@ from viso.companion.odometry.source import OdometrySource
 from viso.companion.vio.config import AglSource, OdometryConfig, VioConfig
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.types import ImuSample, VioState
-from viso.geometry.se3 import SE3, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import so3_exp
 
 AtRest = Callable[[int], ImuSample]
 

@@ -15,7 +15,8 @@ from tests.unit.viso.companion.vio.strategy_rig import make_result
 from viso.companion.odometry.source import OdometrySource
 from viso.companion.vio.config import CovarianceEncoding, LocalAlignment, LostPolicy, OdometryConfig, VioConfig
 from viso.companion.vio.types import ImuSample, VioOutput, VioState
-from viso.geometry.se3 import SE3, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import so3_exp
 
 Make = Callable[..., Any]
 AtRest = Callable[[int], ImuSample]

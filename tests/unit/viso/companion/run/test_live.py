@@ -38,7 +38,7 @@ from viso.companion.strategies.klt_ransac import KltRansac
 from viso.companion.vio.config import AglSource, VioConfig
 from viso.companion.vio.runtime import VioRuntime
 from viso.companion.vio.types import HeightMeasurement, ImuBias, SensorEvent, VioState, WarmStartPose
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 ALIVE = HEARTBEAT(2, 3, 0, 0, 4, 3)
 LEVEL_EAST = (0.0, 0.0, np.pi / 2, 0.0, 0.0, 0.0)

@@ -20,7 +20,7 @@ from viso.companion.run.virtual_companion import AutopilotState, VirtualCompanio
 from viso.companion.vio.frames import yaw_of_heading
 from viso.companion.vio.result import Result
 from viso.companion.vio.types import NavCameraFrame, VioState
-from viso.geometry.se3 import yaw_of
+from viso.geometry.rotation import yaw_of
 
 ORIGIN_W = np.array([5.0, -3.0, 0.25])
 HEADING_RAD = 0.4

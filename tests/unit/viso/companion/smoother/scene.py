@@ -10,7 +10,8 @@ from viso.companion.msckf.window_filter import WindowFilter, default_cov, invari
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.frames import GRAVITY_MSS, MOUNTINGS
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 NOISE = ImuNoise()
 B_T_C = SE3(MOUNTINGS["forward"], np.array([0.1, 0.0, 0.05]))

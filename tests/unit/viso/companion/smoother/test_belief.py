@@ -14,7 +14,8 @@ from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smo
 from viso.companion.smoother.lag_smoother import LagSmoother, preintegrated
 from viso.companion.vio.imu import steps_of
 from viso.companion.vio.types import ImuBias
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 
 def turned_state(seed: int = 3) -> WindowFilter:

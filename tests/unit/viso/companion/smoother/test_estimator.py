@@ -26,7 +26,7 @@ from viso.companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
 from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, SmootherError
 from viso.companion.vio.imu import steps_of
 from viso.companion.vio.types import ImuWindow
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 WRONG_VELOCITY = np.array([0.2, -0.2, 0.2])
 NOTHING = sighting_of(np.zeros(0, np.int64), np.zeros((0, 2)))

@@ -15,7 +15,7 @@ pytest.importorskip("gtsam")
 from tests.unit.viso.companion.smoother.scene import B_T_C, NOISE, PERIOD_NS, SIGMA, WALL, pose_at, velocity_at, window
 from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Motion, Seen, SmootherError, preintegrated
 from viso.companion.vio.types import ImuBias
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 COV = np.diag(np.repeat([0.01, 1e-3, 0.3, 0.1, 0.01], 3) ** 2)
 

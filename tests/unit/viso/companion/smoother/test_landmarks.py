@@ -18,7 +18,8 @@ from viso.companion.smoother.landmarks import (
     LandmarkBook,
     NewLandmark,
 )
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 STEP_M = 0.3
 AHEAD = WALL[(np.abs(WALL[:, 1:]) < 2).all(axis=1)][:40]  # seen all the way

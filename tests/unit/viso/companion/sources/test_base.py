@@ -30,7 +30,8 @@ from viso.companion.vio.types import (
     SensorEvent,
     WarmStartPose,
 )
-from viso.geometry.se3 import SE3, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import so3_exp
 
 PIXELS = np.zeros((4, 6), np.uint8)
 

@@ -13,7 +13,7 @@ from tools.trial import disturbed_start
 from viso.companion.sources.base import SourceError
 from viso.companion.sources.euroc import EurocRecording, load_euroc
 from viso.companion.vio.types import ImuSample, NavCameraFrame
-from viso.geometry.se3 import so3_log
+from viso.geometry.rotation import so3_log
 
 cv2 = pytest.importorskip("cv2")
 

@@ -10,7 +10,7 @@ import pytest
 from viso.companion.sources.karma import DELAY_S, DroneTrack, drone_track
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.types import ImuSample
-from viso.geometry.se3 import yaw_of
+from viso.geometry.rotation import yaw_of
 
 Z = np.array([0.0, 0.0, 1.0])
 

@@ -10,7 +10,8 @@ import pytest
 from viso.companion.engine.protocol import Capability, CovarianceKind, Estimate, KeyframeUpdate, Status, nothing
 from viso.companion.strategies import engine
 from viso.companion.vio.types import CameraCalibration, Pixels, WarmStartPose
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 STILL_GYRO_RAD_S = 0.02
 INITIAL_IMAGES = 2

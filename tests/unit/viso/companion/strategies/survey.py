@@ -29,7 +29,7 @@ from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import nadir_survey
 from viso.companion.world.texture import GroundTexture
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 PERIOD_NS = 200_000_000
 PLANAR: dict[str, Any] = {"scene": Scene.PLANAR, "agl_source": AglSource.RANGEFINDER, "max_features": 100}

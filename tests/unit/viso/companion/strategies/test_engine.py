@@ -32,7 +32,7 @@ from viso.companion.vio.errors import StrategyNotAvailableError, VioFatalError
 from viso.companion.vio.registry import build_vio_strategy
 from viso.companion.vio.result import Initializing, Lost, Result
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow, VioOutput, VioState, WarmStartPose
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 WIDTH, HEIGHT = 64, 48
 NOISE = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH)).astype(np.uint8)

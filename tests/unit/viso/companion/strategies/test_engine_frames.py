@@ -27,7 +27,8 @@ from viso.companion.vio.health import SCALE_UNOBSERVED, UNSURE_VELOCITY
 from viso.companion.vio.imu import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.result import Degraded, Initializing, Lost, Result
 from viso.companion.vio.types import FeatureQuality, ImuWindow, VioOutput, VioState
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 
 class Rig(WaxRig):

@@ -14,7 +14,7 @@ from viso.companion.vio.config import AglSource, ImuNoise, Scene
 from viso.companion.vio.health import SCALE_UNOBSERVED, TOO_FEW_INLIERS
 from viso.companion.vio.types import ImuSample, SensorEvent, VioOutput, VioState
 from viso.companion.world.motion import nadir_survey
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
 

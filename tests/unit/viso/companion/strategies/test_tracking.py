@@ -25,7 +25,7 @@ from viso.companion.vio.config import AglSource, ImuNoise
 from viso.companion.vio.imu import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent, VioState, WarmStartPose
 from viso.companion.world.motion import nadir_survey
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 QUIET = ImuNoise(gyro=2e-4, accel=2e-3)
 

@@ -19,7 +19,8 @@ from viso.companion.trials.evaluation import (
     in_common,
     umeyama,
 )
-from viso.geometry.se3 import SE3, Array, so3_exp, so3_log
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp, so3_log
 
 NS = 1_000_000_000
 seeds = st.integers(0, 1_000_000)

@@ -42,7 +42,8 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 FRAMES = 10
 VELOCITY_W = np.array([3.0, 0.0, 0.0])

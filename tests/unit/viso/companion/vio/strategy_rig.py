@@ -27,7 +27,7 @@ from viso.companion.vio.types import (
     WarmStartPose,
     frame_uuid,
 )
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 WIDTH, HEIGHT = 64, 48
 PERIOD_NS = 100_000_000

@@ -15,7 +15,7 @@ from viso.companion.vio import calibration
 from viso.companion.vio.calibration import CalibrationError, load_calibration, scaled
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.types import CameraCalibration, DistortionModel
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 FOLDER = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data")) / "euroc_mh01_clip"
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD, MOUNTINGS, yaw_of_heading
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 X, Y, Z = np.eye(3)
 

@@ -16,7 +16,7 @@ from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu import ImuSteps, steps_between
 from viso.companion.vio.preintegration import PreintegratedDelta, preintegrate
 from viso.companion.vio.types import ImuBias, ImuSample
-from viso.geometry.se3 import Array, so3_log
+from viso.geometry.rotation import Array, so3_log
 
 NOISE = ImuNoise()
 BIAS = ImuBias(np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.015]))

@@ -14,7 +14,7 @@ from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.vio.imu import ImuBuffer, steps_of
 from viso.companion.vio.preintegration import preintegrate
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
-from viso.geometry.se3 import Array, rotation_from_quat_wxyz, so3_log
+from viso.geometry.rotation import Array, rotation_from_quat_wxyz, so3_log
 
 FOLDER = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data")) / "euroc_v102_imu"
 SECOND_NS = 1_000_000_000

@@ -26,7 +26,8 @@ from viso.companion.vio.types import (
     WarmStartPose,
     frame_uuid,
 )
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 TIMES_MS = st.integers(0, 2**48 - 1)
 SEQUENCES = st.integers(0, 2**12 - 1)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from viso.companion.vio.types import CameraCalibration
 from viso.companion.vio.undistortion import distort, undistort
-from viso.geometry.se3 import SE3, Array
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array
 
 EUROC = [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05]
 WITH_K3 = [-0.3, 0.12, -0.002, 0.003, -0.02]

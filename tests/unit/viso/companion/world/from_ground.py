@@ -5,7 +5,7 @@
 import numpy as np
 
 from viso.companion.world.motion import Trajectory
-from viso.geometry.se3 import Array
+from viso.geometry.rotation import Array
 
 
 def from_ground(

@@ -17,7 +17,7 @@ from viso.companion.vio.types import HeightMeasurement, ImuBias, ImuSample, NavC
 from viso.companion.world.flight import SimulatedImu, SyntheticFlight, nadir_calibration
 from viso.companion.world.motion import nadir_survey
 from viso.companion.world.texture import GroundTexture
-from viso.geometry.se3 import so3_log
+from viso.geometry.rotation import so3_log
 
 PIXELS = np.random.default_rng(1).integers(50, 200, (64, 64), np.uint8)
 GROUND = GroundTexture(PIXELS, 0.5, np.full((8, 8), 128, np.uint8))

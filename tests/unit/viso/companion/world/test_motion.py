@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.frames import GRAVITY_MSS
 from viso.companion.world.motion import Trajectory, nadir_survey
-from viso.geometry.se3 import so3_exp, so3_log, yaw_of
+from viso.geometry.rotation import so3_exp, so3_log, yaw_of
 
 SURVEY = nadir_survey(seed=1)
 FLIGHTS = {

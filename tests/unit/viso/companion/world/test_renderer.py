@@ -18,7 +18,8 @@ from viso.companion.world.flight import nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.renderer import PlaneRenderer
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
-from viso.geometry.se3 import SE3, Array, so3_exp
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_exp
 
 CALIBRATION = nadir_calibration()
 RADTAN = dataclasses.replace(

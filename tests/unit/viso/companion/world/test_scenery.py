@@ -14,7 +14,7 @@ from viso.companion.world.flight import nadir_calibration
 from viso.companion.world.renderer import PlaneRenderer, Renderer
 from viso.companion.world.scenery import Hills, Room
 from viso.companion.world.texture import GroundTexture
-from viso.geometry.se3 import SE3
+from viso.geometry.pose import SE3
 
 CALIBRATION = dataclasses.replace(nadir_calibration(160, 120, 125.0), B_T_C=SE3(MOUNTINGS["nadir"], np.zeros(3)))
 AHEAD = dataclasses.replace(CALIBRATION, B_T_C=SE3(MOUNTINGS["forward"], np.zeros(3)))

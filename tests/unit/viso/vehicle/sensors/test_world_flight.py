@@ -10,7 +10,7 @@ from ekf_stub.core.inertial import GRAVITY_MSS
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.world.motion import nadir_survey
-from viso.geometry.se3 import Array, rotation_from_quat_wxyz
+from viso.geometry.rotation import Array, rotation_from_quat_wxyz
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.world_flight import WorldFlight, WorldLeg, flight_source
 

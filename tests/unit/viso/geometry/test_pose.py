@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rotations and rigid motions, against the power series of the matrix exponential and a quaternion library."""
+"""Rotations, rigid motions and covariances, against the matrix exponential's power series and a quaternion library."""
 
 import math
 
@@ -9,13 +9,13 @@ import pytest
 import quaternion
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
-from viso.geometry.se3 import (
-    SE3,
+from viso.geometry.pose import SE3, read_only, sound_covariance
+from viso.geometry.rotation import (
     SMALL_ANGLE_RAD,
     Array,
     quat_wxyz_from_rotation,
-    read_only,
     right_jacobian,
     right_jacobian_inverse,
     rotation_from_quat_wxyz,
@@ -264,3 +264,70 @@ def test_read_only_returns_contiguous_doubles() -> None:
 def test_read_only_refuses_by_the_name_of_the_field(value: object) -> None:
     with pytest.raises(ValueError, match=r"^field: "):
         read_only(value, (3,), "field")
+
+
+# Covariances
+
+ROOTS = arrays(np.float64, (6, 6), elements=st.floats(-100, 100))
+TURN = so3_exp(np.array([0.3, -0.5, 0.8]))
+
+
+def with_eigenvalues(*values: float) -> Array:
+    product: Array = (TURN * np.array(values)) @ TURN.T
+    return 0.5 * (product + product.T)
+
+
+def sound(cov: Array) -> Array:
+    result = sound_covariance(cov)
+    assert result is not None
+    return result
+
+
+@given(ROOTS)
+def test_product_of_a_matrix_and_its_transpose_is_sound(root: Array) -> None:
+    cov = root @ root.T
+    result = sound(cov)
+    assert np.array_equal(result, result.T)
+    assert np.allclose(result, cov, atol=1e-10 * np.abs(cov).max())
+
+
+def test_sound_covariance_is_not_changed() -> None:
+    cov = with_eigenvalues(1, 2, 3)
+    assert np.array_equal(sound(cov), cov)
+
+
+def test_certainty_is_sound() -> None:
+    assert np.array_equal(sound(np.zeros((6, 6))), np.zeros((6, 6)))
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_refused(bad: float) -> None:
+    cov = np.eye(6)
+    cov[3, 3] = bad
+    assert sound_covariance(cov) is None
+
+
+def test_slight_asymmetry_is_averaged_out() -> None:
+    cov = 100 * np.eye(3)
+    cov[0, 1] = 0.9e-7
+    assert sound(cov)[0, 1] == sound(cov)[1, 0] == 0.45e-7
+
+
+def test_asymmetry_above_1e_9_of_the_largest_element_is_refused() -> None:
+    cov = 100 * np.eye(3)
+    cov[0, 1] = 1.1e-7
+    assert sound_covariance(cov) is None
+
+
+def test_eigenvalue_a_rounding_below_zero_is_raised_to_zero() -> None:
+    result = sound(with_eigenvalues(-0.9e-9, 1, 1000))
+    assert np.allclose(np.linalg.eigvalsh(result), [0, 1, 1000], rtol=1e-9, atol=2e-13)
+    assert np.array_equal(result, result.T)
+
+
+def test_eigenvalue_further_below_zero_is_refused() -> None:
+    assert sound_covariance(with_eigenvalues(-1.1e-9, 1, 1000)) is None
+
+
+def test_negative_definite_matrix_is_refused() -> None:
+    assert sound_covariance(-np.eye(6)) is None
