@@ -12,13 +12,14 @@ import numpy as np
 from viso.companion.odometry.composer import LocalPose, OdometryComposer
 from viso.companion.sources.base import SourceError
 from viso.companion.sources.euroc import EurocRecording
-from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
 from viso.companion.trials.trial import EventSource, run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.result import Result
 from viso.companion.vio.types import ImuBias, VioState, WarmStartPose
+from viso.geometry.errors import AbsoluteError, EvaluationError, absolute_error
 from viso.geometry.pose import SE3
 from viso.geometry.rotation import Array, so3_exp
+from viso.geometry.trajectory import Trajectory
 
 THREE_SIGMA: Final = 14.16  # of the normalised square of three numbers: 99.73 %
 
@@ -72,15 +73,15 @@ class Trial:
         """Return how many frames ended in which state."""
         return Counter(frame.result.state for frame in self.frames)
 
-    def estimate(self) -> TimedPoses:
+    def estimate(self) -> Trajectory:
         """Return the poses of all outputs, in the strategy's world."""
-        return TimedPoses.of(
+        return Trajectory.of(
             [(frame.result.t_ns, pose) for frame in self.frames if (pose := _estimated(frame)) is not None]
         )
 
-    def truth(self) -> TimedPoses:
+    def truth(self) -> Trajectory:
         """Return the true poses at all frames where they are known."""
-        return TimedPoses.of([(frame.result.t_ns, frame.truth) for frame in self.frames if frame.truth is not None])
+        return Trajectory.of([(frame.result.t_ns, frame.truth) for frame in self.frames if frame.truth is not None])
 
     def absolute_error(self) -> AbsoluteError:
         """Return the error of the trajectory after alignment without scale.
@@ -102,7 +103,7 @@ class Trial:
         Raises:
             EvaluationError: if there is no output whose truth is known, or the truth does not move.
         """
-        errors, path_m = self.position_errors(), self.truth().path_length_m()
+        errors, path_m = self.position_errors(), self.truth().path_length_m
         if not len(errors) or path_m == 0:
             raise EvaluationError("no error, or no path: no drift")
         return float(np.hypot(*errors[-1, :2])) / path_m

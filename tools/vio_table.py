@@ -28,7 +28,6 @@ from tools.trial import Claims, Trial, disturbed_start, run_trial
 from tools.vio_scenes import SCENES, ScenePlan
 from viso.companion.sources.base import SourceError
 from viso.companion.sources.euroc import EurocRecording, load_euroc
-from viso.companion.trials.evaluation import EvaluationError
 from viso.companion.vio.config import AglSource, EngineConfig, Scene, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import all_strategies, build_vio_strategy
@@ -37,6 +36,7 @@ from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
 from viso.companion.world.motion import nadir_survey
 from viso.errors import InputError
+from viso.geometry.errors import EvaluationError
 from viso.terminal.console import progress
 
 CLIP: Final = (
@@ -82,8 +82,8 @@ def clip_trial(recording: EurocRecording, strategy: str, seed: int) -> Trial:
 def still_drift_m(trial: Trial) -> float:
     """Return how far the estimate goes away from where it was, in the last seconds of a recording that ends at rest."""
     poses = trial.estimate()
-    still = poses.within(int(poses.t_ns[-1] - STILL_S * 1e9), int(poses.t_ns[-1]))
-    return float(np.linalg.norm(still.positions_xyz - still.positions_xyz[0], axis=1).max())
+    still = poses.within(int(poses.times_ns[-1] - STILL_S * 1e9), int(poses.times_ns[-1]))
+    return float(np.linalg.norm(still.positions - still.positions[0], axis=1).max())
 
 
 def _drift_and_nees() -> Row:
@@ -192,7 +192,7 @@ def scored(scene: ScenePlan, strategy: str, command: str) -> tuple[Scored, float
     """Return how a strategy does in a scene, and the mean length of the path in m."""
     trials = [scene.fly(strategy, seed, command) for seed in SCENE_SEEDS]
     score = Scored(tuple(_error_m(trial) for trial in trials), tuple(trial.claims() for trial in trials))
-    return score, float(np.mean([trial.truth().path_length_m() for trial in trials]))
+    return score, float(np.mean([trial.truth().path_length_m for trial in trials]))
 
 
 def _error_m(trial: Trial) -> float:

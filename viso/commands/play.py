@@ -19,7 +19,7 @@ from viso.companion.sender import OffsetClock
 from viso.dds.poses import SCHEME, PoseTopic, live_topic_of
 from viso.errors import InputError, within
 from viso.geometry.frame_change import PRESETS, FrameChange, parse_rotation
-from viso.geometry.trajectory import RecordedTrajectory
+from viso.geometry.trajectory import Trajectory
 from viso.running.bridging import Bridge, delay_lines
 from viso.running.playing import LinkPlay, write_telemetry_log
 from viso.streams.live import RESET_JUMP_M, LiveOptions, LivePoses
@@ -195,7 +195,7 @@ def play(
     console = err if as_json else out
     texts: list[Text] = []
 
-    def adapted(recorded: RecordedTrajectory) -> RecordedTrajectory:
+    def adapted(recorded: Trajectory) -> Trajectory:
         trajectory = change.apply(recorded.without_velocities() if differentiate else recorded)
         return trajectory if sigma is None else trajectory.with_sigmas(sigmas)
 

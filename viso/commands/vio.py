@@ -19,11 +19,11 @@ from viso.companion.run.tables import live_table, summary_table
 from viso.companion.sources.base import Recording, SourceOptions
 from viso.companion.sources.camera import LiveCamera
 from viso.companion.sources.kinds import SOURCES
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.registry import STRATEGIES
 from viso.companion.vio.types import VioState
 from viso.errors import InputError, within
 from viso.files.text_files import write_text
+from viso.geometry.trajectory import Trajectory
 from viso.terminal.console import drawing, err, out
 from viso.terminal.engine import EngineOption
 from viso.terminal.outputs import Output
@@ -154,7 +154,7 @@ def _title(summary: Mapping[str, Any]) -> str:
     return f"viso vio {name}, {summary['strategy']}: {summary['path_m']:.1f} m{error}"
 
 
-def _save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *, aligned: bool) -> Path | None:
+def _save_plot(log: VioLog, truth: Trajectory | None, title: str, path: Path, *, aligned: bool) -> Path | None:
     with drawing():
         from viso.companion.run.plot import save_plot
 

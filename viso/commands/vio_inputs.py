@@ -8,14 +8,14 @@ from pathlib import Path
 from viso.companion.sources.base import Recording, SourceError, SourceOptions
 from viso.companion.sources.camera import LiveCamera
 from viso.companion.sources.kinds import open_source
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.config import ConfigError, VioConfig, load_config
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import build_vio_strategy
 from viso.errors import InputError, told_errors
 from viso.geometry.frame_change import parse_rotation
-from viso.geometry.records import TrajectoryError
 from viso.geometry.rotation import Array
+from viso.geometry.trajectory import Trajectory
+from viso.geometry.trajectory_files import TrajectoryError
 from viso.streams.readers import Source, load_trajectory
 from viso.terminal.engine import with_engine
 
@@ -55,10 +55,9 @@ def configured(
     return config
 
 
-def known_truth(source: Recording | LiveCamera, file: Path | None) -> TimedPoses | None:
+def known_truth(source: Recording | LiveCamera, file: Path | None) -> Trajectory | None:
     """Return the trajectory in a file, or what the source knows."""
     if file is None:
         return source.poses if isinstance(source, Recording) else None
     with told_errors(TrajectoryError):
-        trajectory = load_trajectory(Source(file))
-    return TimedPoses(trajectory.times_ns, trajectory.positions, trajectory.quats_wxyz)
+        return load_trajectory(Source(file))

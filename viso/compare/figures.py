@@ -17,8 +17,9 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.core.odometry import GATE_SIGMAS
 from ekf_stub.inputs.measurements import Array
 from ekf_stub.reports import AidingMode
-from viso.companion.trials.evaluation import EvaluationError, TimedPoses, absolute_error
 from viso.faults.poses import VISION_NAMES
+from viso.geometry.errors import EvaluationError, absolute_error
+from viso.geometry.trajectory import Trajectory
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome
 from viso.vehicle.outcomes.labels import Fate, FilterCounts, fate_of, final_counts
@@ -150,7 +151,7 @@ class Judge:
     ``basis`` is what the vehicle's motion is made of, and ``notes`` tell how, if it flies a log again.
     """
 
-    def __init__(self, truth: TimedPoses | None = None) -> None:
+    def __init__(self, truth: Trajectory | None = None) -> None:
         self._truth = truth
         self._squares: dict[str, _Squares] = {}
         self._by_time = _ByTime()
@@ -242,10 +243,10 @@ class Judge:
         return {**row, "ate_m": error.rmse_m, "ate_poses": error.count}
 
 
-def timed_places(time_us: npt.NDArray[np.int64], places: Array) -> TimedPoses:
+def timed_places(time_us: npt.NDArray[np.int64], places: Array) -> Trajectory:
     """Return places without attitudes; of those that are not later than the one before nothing is left."""
     kept = np.diff(time_us, prepend=-1) > 0
-    return TimedPoses(time_us[kept] * 1000, places[kept], np.tile((1.0, 0.0, 0.0, 0.0), (kept.sum(), 1)))
+    return Trajectory(time_us[kept] * 1000, places[kept], np.tile((1.0, 0.0, 0.0, 0.0), (kept.sum(), 1)))
 
 
 def _distance(time_us: Array, places: Array, track: Array) -> float | None:

@@ -24,7 +24,7 @@ from viso.geometry.rotation import (
     rotation_from_quat_wxyz,
     rotations_from_euler,
 )
-from viso.geometry.trajectory import RecordedTrajectory
+from viso.geometry.trajectory import Trajectory
 
 # North and forward are x of the autopilot, east and right y, down z.
 _DIRECTIONS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
@@ -134,7 +134,7 @@ class FrameChange:
     from_zero: bool = False
     scale: float = 1.0
 
-    def apply(self, trajectory: RecordedTrajectory) -> RecordedTrajectory:
+    def apply(self, trajectory: Trajectory) -> Trajectory:
         """Return the trajectory of the vehicle: attitudes from FRD, positions and velocities in NED or FRD."""
         sign = _handedness(self.world)
         world = rotations_from_euler((0.0, 0.0, self.yaw_rad)) @ self.world

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A trajectory as an odometry recorded it: where it was and how it was turned, at increasing times."""
+"""A trajectory: where a body was and how it was turned, at increasing times; recorded, estimated, or true."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -11,13 +11,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.geometry.pose import read_only
-from viso.geometry.rotation import Array
+from viso.geometry.pose import SE3, read_only
+from viso.geometry.rotation import Array, interpolated_quats, rotation_from_quat_wxyz
 
 Integers = npt.NDArray[np.int64]
 
 TIME_END_NS: Final = 1 << 62
-"""Times are before this, in the year 2116 since 1970, so that a difference never overflows."""
+"""Times are less than this from 0, in the year 2116 since 1970, so that a difference never overflows."""
 _SHORTEST_QUAT: Final = 1e-6
 
 
@@ -49,11 +49,11 @@ class Pose:
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedTrajectory:
+class Trajectory:
     """A trajectory; its arrays cannot be written to.
 
     Attributes:
-        times_ns: [N], strictly increasing, from 0.
+        times_ns: [N], strictly increasing; N may be 0.
         positions: [N, 3] in m, in a world of its own.
         quats_wxyz: [N, 4], from body to world; made unit when given.
         velocities: [N, 3] in m/s, in the world; None when the recording has none.
@@ -76,8 +76,8 @@ class RecordedTrajectory:
     def __post_init__(self) -> None:
         count = len(self.times_ns)
         times_ns = _frozen_integers(self.times_ns, (count,), "times_ns")
-        if not count or times_ns[0] < 0 or times_ns[-1] >= TIME_END_NS or (np.diff(times_ns) <= 0).any():
-            raise ValueError("times_ns: none, or not strictly increasing from 0")
+        if (np.abs(times_ns) >= TIME_END_NS).any() or (np.diff(times_ns) <= 0).any():
+            raise ValueError("times_ns: not strictly increasing, or out of range")
         quats = read_only(self.quats_wxyz, (count, 4), "quats_wxyz")
         lengths = np.linalg.norm(quats, axis=1, keepdims=True)
         if (lengths < _SHORTEST_QUAT).any():
@@ -96,13 +96,27 @@ class RecordedTrajectory:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
+    @classmethod
+    def of(cls, poses: Sequence[tuple[int, SE3]]) -> "Trajectory":
+        """Return poses with their times in ns."""
+        return cls(
+            np.array([t_ns for t_ns, _ in poses], np.int64),
+            np.array([pose.t for _, pose in poses]).reshape(-1, 3),
+            np.array([pose.quat_wxyz() for _, pose in poses]).reshape(-1, 4),
+        )
+
     def __len__(self) -> int:
         return len(self.times_ns)
 
     @property
     def duration_s(self) -> float:
         """From the first record to the last."""
-        return float(self.times_ns[-1] - self.times_ns[0]) * 1e-9
+        return float(self.times_ns[-1] - self.times_ns[0]) * 1e-9 if len(self) else 0.0
+
+    @property
+    def path_length_m(self) -> float:
+        """How far the body travelled, along straight lines from record to record."""
+        return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
 
     @cached_property
     def known_resets(self) -> Integers:
@@ -138,11 +152,34 @@ class RecordedTrajectory:
             int(self.known_resets[index]),
         )
 
-    def without_velocities(self) -> "RecordedTrajectory":
+    def se3(self, index: int) -> SE3:
+        """Return position and attitude of a record by its number, from 0."""
+        return SE3(rotation_from_quat_wxyz(self.quats_wxyz[index]), self.positions[index])
+
+    def at(self, t_ns: int) -> SE3 | None:
+        """Return position and attitude at a time, interpolated; None outside the trajectory."""
+        if not len(self) or not self.times_ns[0] <= t_ns <= self.times_ns[-1]:
+            return None
+        return self.interpolated(np.array([t_ns])).se3(0)
+
+    def within(self, start_ns: int, end_ns: int) -> "Trajectory":
+        """Return the records from one time to another, both included."""
+        part = slice(*np.searchsorted(self.times_ns, (start_ns, end_ns + 1)))
+        return Trajectory(
+            self.times_ns[part],
+            self.positions[part],
+            self.quats_wxyz[part],
+            None if self.velocities is None else self.velocities[part],
+            None if self.covariances is None else self.covariances[part],
+            self.known_resets[part],
+            self.left_out,
+        )
+
+    def without_velocities(self) -> "Trajectory":
         """Return the trajectory with velocities that follow from the positions."""
         return replace(self, velocities=None)
 
-    def with_sigmas(self, sigmas: tuple[float, float] | None) -> "RecordedTrajectory":
+    def with_sigmas(self, sigmas: tuple[float, float] | None) -> "Trajectory":
         """Return the trajectory with one covariance everywhere, or, for None, without any.
 
         The standard deviations are those of each axis, of position in m and of rotation in rad.
@@ -152,22 +189,32 @@ class RecordedTrajectory:
         covariance = np.diag(np.repeat(np.square(sigmas), 3))
         return replace(self, covariances=np.broadcast_to(covariance, (len(self), 6, 6)))
 
-    def with_resets_at_jumps(self, jump_m: float) -> "RecordedTrajectory":
+    def with_resets_at_jumps(self, jump_m: float) -> "Trajectory":
         """Return the trajectory with a reset wherever a position is more than ``jump_m`` from the one before."""
         jumps = np.linalg.norm(np.diff(self.positions, axis=0), axis=1) > jump_m
         return replace(self, resets=np.concatenate([[0], np.cumsum(jumps)]))
 
-    def resampled(self, rate_hz: float, max_gap_s: float) -> "RecordedTrajectory":
-        """Return the trajectory at equal steps from its first record on.
+    def resampled(self, rate_hz: float, max_gap_s: float) -> "Trajectory":
+        """Return the trajectory at equal steps from its first record on, but none in gaps of more than ``max_gap_s``.
+
+        Records are interpolated; velocities that the recording does not have follow from the positions.
+        """
+        moving = replace(self, velocities=self.world_velocities)
+        return moving.interpolated(self._grid_ns(1e9 / rate_hz, int(max_gap_s * 1e9)))
+
+    def interpolated(self, times_ns: npt.ArrayLike) -> "Trajectory":
+        """Return the trajectory at other times [K], strictly increasing.
 
         Positions, velocities and covariances are interpolated linearly, quaternions too and then made unit. Between
-        two records that a reset parts, the earlier one stands. Over more than ``max_gap_s`` there is none.
+        two records that a reset parts, the earlier one stands. Raises ValueError for a time outside the trajectory.
         """
-        times_ns = self._grid_ns(1e9 / rate_hz, int(max_gap_s * 1e9))
-        before = np.clip(np.searchsorted(self.times_ns, times_ns, side="right") - 1, 0, max(len(self) - 2, 0))
+        times = np.asarray(times_ns, np.int64)
+        if len(times) and (not len(self) or times[0] < self.times_ns[0] or times[-1] > self.times_ns[-1]):
+            raise ValueError("times outside those of the trajectory to interpolate")
+        before = np.clip(np.searchsorted(self.times_ns, times, side="right") - 1, 0, max(len(self) - 2, 0))
         after = np.minimum(before + 1, len(self) - 1)
         spans = np.maximum(self.times_ns[after] - self.times_ns[before], 1)
-        share = np.clip((times_ns - self.times_ns[before]) / spans, 0.0, 1.0)
+        share = (times - self.times_ns[before]) / spans
         share = np.where(self.known_resets[before] == self.known_resets[after], share, np.floor(share))
 
         def between(values: Array) -> Array:
@@ -177,20 +224,15 @@ class RecordedTrajectory:
             mixed: Array = np.where(weight < 1, (1 - weight) * values[before], 0.0) + ahead
             return mixed
 
-        quats = self._quats_between(before, after, share)
-        covariances = None if self.covariances is None else between(self.covariances)
-        resets = self.known_resets[np.where(share < 1, before, after)]
-        velocities = between(self.world_velocities)
-        return RecordedTrajectory(
-            times_ns, between(self.positions), quats, velocities, covariances, resets, self.left_out
+        return Trajectory(
+            times,
+            between(self.positions),
+            interpolated_quats(self.quats_wxyz[before], self.quats_wxyz[after], share),
+            None if self.velocities is None else between(self.velocities),
+            None if self.covariances is None else between(self.covariances),
+            self.known_resets[np.where(share < 1, before, after)],
+            self.left_out,
         )
-
-    def _quats_between(self, before: Integers, after: Integers, share: Array) -> Array:
-        first, second = self.quats_wxyz[before], self.quats_wxyz[after]
-        # Of the two quaternions of a rotation the nearer one is meant.
-        second = np.where(np.sum(first * second, axis=1, keepdims=True) < 0, -second, second)
-        mixed: Array = first + share[:, None] * (second - first)
-        return mixed
 
     def _grid_ns(self, step_ns: float, max_gap_ns: int) -> Integers:
         start_ns = self.times_ns[0]

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.trials.evaluation import rms
 from viso.estimators.series import total_s
+from viso.geometry.errors import rms
 from viso.report.facts import Facts
 from viso.report.figures import FigureKind
 from viso.report.flight_data import Material

@@ -11,9 +11,9 @@ from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
 from viso.extras import pip_install
-from viso.geometry.records import Records, TrajectoryError
 from viso.geometry.rotation import rotation_from_quat_wxyz
 from viso.geometry.trajectory import TIME_END_NS
+from viso.geometry.trajectory_files import Records, TrajectoryError
 
 MISSING_EXTRA: Final = f"bags are read with rosbags; install it with: {pip_install('bags')}"
 LONGEST_REASON: Final = 200  # some quote what they could not parse

@@ -12,9 +12,9 @@ import numpy as np
 
 from mav_handlers.wire.messages import Message
 from viso.companion.odometry.encoding import CovarianceEncoding
-from viso.geometry.records import DAY_NS, FAR_OFF, NOT_LATER, TooFewRecords, TrajectoryError, usable
 from viso.geometry.rotation import Array, so3_log
-from viso.geometry.trajectory import Pose, RecordedTrajectory
+from viso.geometry.trajectory import Pose, Trajectory
+from viso.geometry.trajectory_files import DAY_NS, FAR_OFF, NOT_LATER, TooFewRecords, TrajectoryError, usable
 from viso.streams.bag_formats import PoseMessage, collect
 from viso.streams.messages import FORMS, Form, Report
 
@@ -40,7 +40,7 @@ class LiveOptions:
         from_zero: let the first position be the origin.
     """
 
-    adapt: Callable[[RecordedTrajectory], RecordedTrajectory]
+    adapt: Callable[[Trajectory], Trajectory]
     form: Form = FORMS["odometry"]
     quality: int = 100
     encoding: CovarianceEncoding = CovarianceEncoding.VARIANCE
@@ -102,7 +102,7 @@ class LivePoses:
         time_ns = int(trajectory.times_ns[0])
         return self._tell(trajectory, time_ns) if self._is_in_time(time_ns) else None
 
-    def _recorded(self, message: PoseMessage) -> RecordedTrajectory:
+    def _recorded(self, message: PoseMessage) -> Trajectory:
         """Return a trajectory of one record, with a velocity as far as it is told."""
         records = collect("live", (message,))
         origin = self._origin
@@ -133,7 +133,7 @@ class LivePoses:
         self.left_out[NOT_LATER if time_ns <= last.time_ns else FAR_OFF] += 1
         return False
 
-    def _tell(self, trajectory: RecordedTrajectory, time_ns: int) -> Told | None:
+    def _tell(self, trajectory: Trajectory, time_ns: int) -> Told | None:
         options, last, pose = self._options, self._last, trajectory.pose(0)
         rotation = Report(0, pose).rotation
         turn_rate = 0.0

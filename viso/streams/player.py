@@ -17,7 +17,7 @@ from viso.companion.sender import (
     MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
     OffsetClock,
 )
-from viso.geometry.trajectory import RecordedTrajectory
+from viso.geometry.trajectory import Trajectory
 from viso.streams.messages import FORMS, Form, Report
 
 CHUNK_LENGTH: Final = 50
@@ -50,7 +50,7 @@ class Playback:
 class RecordedEngine:
     """Plays a trajectory of the vehicle (FRD body, NED or FRD world) record by record, at the rate that it has."""
 
-    def __init__(self, trajectory: RecordedTrajectory, playback: Playback) -> None:
+    def __init__(self, trajectory: Trajectory, playback: Playback) -> None:
         self._trajectory = trajectory
         self._playback = playback
         since_start_ns = trajectory.times_ns - trajectory.times_ns[0]

@@ -8,18 +8,20 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from viso.geometry.records import Records, TrajectoryError, usable
-from viso.geometry.text_formats import (
+from viso.geometry.trajectory import Trajectory
+from viso.geometry.trajectory_files import (
     EUROC,
     OKVIS,
     OPENVINS,
     TUM,
+    Records,
+    TrajectoryError,
     detect,
     kitti_records,
     read_text,
     table_records,
+    usable,
 )
-from viso.geometry.trajectory import RecordedTrajectory
 from viso.streams.bag_formats import POSE_TYPES, bag_records
 
 _POSES: Final = ", ".join(kind.rpartition("/")[2] for kind in POSE_TYPES)
@@ -106,9 +108,7 @@ def load_records(source: Source, format_name: str | None = None) -> Records:
     return FORMATS[name].read(source)
 
 
-def load_trajectory(
-    source: Source, format_name: str | None = None, *, from_anywhere: bool = False
-) -> RecordedTrajectory:
+def load_trajectory(source: Source, format_name: str | None = None, *, from_anywhere: bool = False) -> Trajectory:
     """Read the trajectory of what a file holds; arguments and errors as of ``load_records`` and ``usable``.
 
     Raises TrajectoryError also if fewer than 2 records can be used; messages without a stamp have the time of the bag.

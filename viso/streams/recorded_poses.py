@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from mav_handlers.wire.codec import Codec
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.errors import InputError, told_errors
-from viso.geometry.records import Records, TrajectoryError
 from viso.geometry.rotation import Array, euler_from_quats, inverse, product, quat_wxyz_from_rotation, rotate
 from viso.geometry.trajectory import Pose
+from viso.geometry.trajectory_files import Records, TrajectoryError
 from viso.streams.messages import FORMS, Report
 from viso.streams.readers import Source, load_records
 from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage

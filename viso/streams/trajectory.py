@@ -10,9 +10,9 @@ import numpy as np
 
 from viso.errors import InputError, told_errors, within
 from viso.geometry.frame_change import FrameChange, parse_axes
-from viso.geometry.records import TrajectoryError
 from viso.geometry.rotation import Array
-from viso.geometry.trajectory import RecordedTrajectory
+from viso.geometry.trajectory import Trajectory
+from viso.geometry.trajectory_files import TrajectoryError
 from viso.streams.messages import FORMS, Form
 from viso.streams.player import Playback, Player, RecordedEngine
 from viso.streams.readers import Source, load_trajectory
@@ -86,13 +86,13 @@ def axes_of(text: str) -> tuple[Array, Array]:
         raise InputError(f"--axes: {error}") from error
 
 
-def load(source: Source, format_name: str | None, *, from_anywhere: bool = False) -> RecordedTrajectory:
+def load(source: Source, format_name: str | None, *, from_anywhere: bool = False) -> Trajectory:
     """Return what a file holds, as ``load_trajectory`` does. Raises InputError if it cannot be read."""
     with told_errors(TrajectoryError):
         return load_trajectory(source, format_name, from_anywhere=from_anywhere)
 
 
-def left_out(source: Source, trajectory: RecordedTrajectory) -> Iterator[str]:
+def left_out(source: Source, trajectory: Trajectory) -> Iterator[str]:
     """Yield what was passed over, a line a reason."""
     for reason, count in trajectory.left_out.items():
         yield f"{source.path}: {count} with {reason}"

@@ -13,13 +13,13 @@ import numpy as np
 import yaml
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
-from viso.companion.trials.evaluation import TimedPoses
 from viso.compare.figures import Judge, Row
 from viso.documents import parsed_yaml
 from viso.errors import InputError, told_errors
 from viso.extras import installed_version
 from viso.faults import Timeline, TimelineError, inject, parse_timeline
 from viso.firmware.releases import PROFILES
+from viso.geometry.trajectory import Trajectory
 from viso.logs.recorded import read_recorded_states
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.readers import Source
@@ -118,7 +118,7 @@ def _following(log: str) -> Callable[[Vehicle], AhrsBase]:
 
 
 @lru_cache(_KEPT)
-def read_reference(path: Path, stream: Path, lead_us: int, options: TrajectoryOptions) -> TimedPoses:
+def read_reference(path: Path, stream: Path, lead_us: int, options: TrajectoryOptions) -> Trajectory:
     """Return the positions of a reference, on the clock of the vehicle that a stream is replayed into.
 
     A DataFlash log gives the positions that its own filter estimated (XKF1). A trajectory is taken to be in seconds
@@ -138,7 +138,7 @@ def read_reference(path: Path, stream: Path, lead_us: int, options: TrajectoryOp
             times_ns = times_ns - load(source, options.format_name).times_ns[0] + lead_us * 1000
     if len(times_ns) < 2:
         raise InputError(f"{path}: a reference without positions")
-    return TimedPoses(times_ns, np.asarray(places, np.float64), np.tile((1.0, 0.0, 0.0, 0.0), (len(times_ns), 1)))
+    return Trajectory(times_ns, np.asarray(places, np.float64), np.tile((1.0, 0.0, 0.0, 0.0), (len(times_ns), 1)))
 
 
 # Streams

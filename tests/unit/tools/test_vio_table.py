@@ -18,22 +18,23 @@ pytest.importorskip("cv2", reason="needs OpenCV, of the extra vio")
 from tools import vio_scenes, vio_table
 from tools.trial import Claims
 from viso.companion.sources.base import SourceError
-from viso.companion.trials.evaluation import EvaluationError, TimedPoses
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.types import VioState
 from viso.companion.world.flight import SyntheticFlight
 from viso.companion.world.texture import GroundTexture
+from viso.geometry.errors import EvaluationError
+from viso.geometry.trajectory import Trajectory
 
 PAGE = "before\n<!-- measured: vio -->\nold\n<!-- end -->\nafter\n"
 TRACKED = Counter({VioState.INIT: 2, VioState.TRACKING: 8})
 S_NS = 1_000_000_000
 
 
-def poses(*x_m: float) -> TimedPoses:
+def poses(*x_m: float) -> Trajectory:
     """Return poses along x, one a second."""
     positions = np.array([[x, 0.0, 0.0] for x in x_m])
-    return TimedPoses(np.arange(len(x_m)) * S_NS, positions, np.tile([1.0, 0.0, 0.0, 0.0], (len(x_m), 1)))
+    return Trajectory(np.arange(len(x_m)) * S_NS, positions, np.tile([1.0, 0.0, 0.0, 0.0], (len(x_m), 1)))
 
 
 @dataclass
@@ -62,7 +63,7 @@ class FakeTrial:
     def absolute_error(self) -> SimpleNamespace:
         return SimpleNamespace(rmse_m=self.error_m)
 
-    def estimate(self) -> TimedPoses:
+    def estimate(self) -> Trajectory:
         return poses(0.0, 5.0, 9.0, 9.0, 9.0, 9.0 + self.still_m)
 
 
@@ -301,7 +302,7 @@ class FakeFlight:
             raise EvaluationError("no poses")
         return SimpleNamespace(rmse_m=self._error_m)
 
-    def truth(self) -> TimedPoses:
+    def truth(self) -> Trajectory:
         return poses(0.0, 300.0)
 
     def claims(self) -> Claims:

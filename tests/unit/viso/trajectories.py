@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from viso.geometry.records import TrajectoryError
-from viso.geometry.trajectory import RecordedTrajectory
+from viso.geometry.trajectory import Trajectory
+from viso.geometry.trajectory_files import TrajectoryError
 
 
-def outcome_of(read: Callable[[], RecordedTrajectory]) -> RecordedTrajectory | str:
+def outcome_of(read: Callable[[], Trajectory]) -> Trajectory | str:
     """Return what was read, or the text of the one error that reading may end with."""
     try:
         return read()
@@ -19,7 +19,7 @@ def outcome_of(read: Callable[[], RecordedTrajectory]) -> RecordedTrajectory | s
         return str(error)
 
 
-def make_trajectory(count: int = 5, **fields: Any) -> RecordedTrajectory:
+def make_trajectory(count: int = 5, **fields: Any) -> Trajectory:
     """Return a level trajectory at 10 Hz along x at 1 m/s; keywords replace fields."""
     times_ns = np.arange(count) * 100_000_000 + 1_000_000_000
     positions = np.outer(np.arange(count) * 0.1, [1.0, 0.0, 0.0])
@@ -28,4 +28,4 @@ def make_trajectory(count: int = 5, **fields: Any) -> RecordedTrajectory:
         "positions": positions,
         "quats_wxyz": np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
     }
-    return RecordedTrajectory(**{**values, **fields})
+    return Trajectory(**{**values, **fields})

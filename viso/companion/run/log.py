@@ -11,11 +11,12 @@ from typing import Any, Final
 import numpy as np
 
 from viso.companion.odometry.composer import OdometryComposer
-from viso.companion.trials.evaluation import AbsoluteError, EvaluationError, TimedPoses, absolute_error
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.result import Result
 from viso.companion.vio.types import VioState
+from viso.geometry.errors import AbsoluteError, EvaluationError, absolute_error
 from viso.geometry.pose import SE3
+from viso.geometry.trajectory import Trajectory
 
 TOTAL: Final = "total"
 
@@ -77,11 +78,11 @@ class VioLog:
         """Return how many frames ended in which state."""
         return Counter(frame.state.value for frame in self.frames)
 
-    def trajectory(self) -> TimedPoses:
+    def trajectory(self) -> Trajectory:
         """Return the poses of all frames that have one, in the strategy's world."""
-        return TimedPoses.of([(frame.t_ns, frame.pose) for frame in self.frames if frame.pose is not None])
+        return Trajectory.of([(frame.t_ns, frame.pose) for frame in self.frames if frame.pose is not None])
 
-    def error(self, truth: TimedPoses | None) -> AbsoluteError | None:
+    def error(self, truth: Trajectory | None) -> AbsoluteError | None:
         """Return the error after alignment without scale; None where too little is known of the truth."""
         if truth is None:
             return None
@@ -90,7 +91,7 @@ class VioLog:
         except EvaluationError:
             return None
 
-    def summary(self, truth: TimedPoses | None) -> dict[str, Any]:
+    def summary(self, truth: Trajectory | None) -> dict[str, Any]:
         """Return what came out, for people and for machines."""
         last, trajectory, error = self.last, self.trajectory(), self.error(truth)
         times_ms = [frame.total_ms for frame in self.frames]
@@ -102,7 +103,7 @@ class VioLog:
             "ended": None if last is None else last.state.value,
             "reason": None if last is None else last.result.reason,
             "poses": len(trajectory),
-            "path_m": trajectory.path_length_m(),
+            "path_m": trajectory.path_length_m,
             "sigma_m": None if last is None else last.sigma_m,
             "tracked_median": _quantile([one.tracked for one in features], 50),
             "ate_m": None if error is None else error.rmse_m,
@@ -116,13 +117,11 @@ class VioLog:
         }
 
 
-def tum_lines(trajectory: TimedPoses) -> list[str]:
+def tum_lines(trajectory: Trajectory) -> list[str]:
     """Return a trajectory as lines ``t x y z qx qy qz qw``, t in s (TUM's format)."""
     lines = []
-    for t_ns, position, quat in zip(
-        trajectory.t_ns.tolist(), trajectory.positions_xyz, trajectory.quats_wxyz, strict=True
-    ):
-        numbers = [*position.tolist(), *quat[1:].tolist(), float(quat[0])]
+    rows = np.hstack((trajectory.positions, np.roll(trajectory.quats_wxyz, -1, axis=1)))
+    for t_ns, numbers in zip(trajectory.times_ns.tolist(), rows.tolist(), strict=True):
         lines.append(f"{Decimal(t_ns).scaleb(-9):f} " + " ".join(f"{number:.9g}" for number in numbers))
     return lines
 

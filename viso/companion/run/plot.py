@@ -12,10 +12,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from viso.companion.run.log import VioLog
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.types import VioState
 from viso.files.outputs import output_file
 from viso.geometry.rotation import Array
+from viso.geometry.trajectory import Trajectory
 
 _TRUTH: Final = "0.45"
 _PATH: Final = "#1f77b4"
@@ -23,7 +23,7 @@ _SECOND: Final = "#9467bd"
 _SHADES: Final = {VioState.INIT: "#d6e6f5", VioState.DEGRADED: "#ffe9b3", VioState.LOST: "#f8cfc9"}
 
 
-def save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *, aligned: bool) -> None:
+def save_plot(log: VioLog, truth: Trajectory | None, title: str, path: Path, *, aligned: bool) -> None:
     """Write the picture as PNG.
 
     Args:
@@ -36,12 +36,12 @@ def save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *, 
     estimate = log.trajectory()
     truth = _during(log, truth)
     error = log.error(truth) if aligned else None
-    positions = estimate.positions_xyz if error is None else error.alignment.map(estimate.positions_xyz)
+    positions = estimate.positions if error is None else error.alignment.map(estimate.positions)
     figure = Figure(figsize=(13, 8), layout="constrained")
     grid = figure.add_gridspec(4, 2, width_ratios=(1, 1.2))
     rows = [figure.add_subplot(grid[row, 1]) for row in range(4)]
     _plan(figure.add_subplot(grid[:, 0]), positions, truth)
-    _height(rows[0], _since_start_s(log, estimate.t_ns), positions, log, truth)
+    _height(rows[0], _since_start_s(log, estimate.times_ns), positions, log, truth)
     _sigma(rows[1], log)
     _features(rows[2], log)
     _times(rows[3], log)
@@ -54,7 +54,7 @@ def save_plot(log: VioLog, truth: TimedPoses | None, title: str, path: Path, *, 
         figure.savefig(file, dpi=110, format="png")
 
 
-def _during(log: VioLog, truth: TimedPoses | None) -> TimedPoses | None:
+def _during(log: VioLog, truth: Trajectory | None) -> Trajectory | None:
     """Return the truth while there were frames, None if there is none."""
     if truth is None or not log.frames:
         return None
@@ -71,9 +71,9 @@ def _frame_s(log: VioLog) -> Array:
     return _since_start_s(log, [frame.t_ns for frame in log.frames])
 
 
-def _plan(axes: Any, positions: Array, truth: TimedPoses | None) -> None:
+def _plan(axes: Any, positions: Array, truth: Trajectory | None) -> None:
     if truth is not None:
-        axes.plot(*truth.positions_xyz[:, :2].T, color=_TRUTH, lw=4, alpha=0.5)
+        axes.plot(*truth.positions[:, :2].T, color=_TRUTH, lw=4, alpha=0.5)
     axes.plot(*positions[:, :2].T, color=_PATH, lw=1.2, marker=".", ms=3)
     for index, marker in ((0, "o"), (-1, "s")):
         if len(positions):
@@ -83,9 +83,9 @@ def _plan(axes: Any, positions: Array, truth: TimedPoses | None) -> None:
     axes.grid(alpha=0.3)
 
 
-def _height(axes: Any, times_s: Array, positions: Array, log: VioLog, truth: TimedPoses | None) -> None:
+def _height(axes: Any, times_s: Array, positions: Array, log: VioLog, truth: Trajectory | None) -> None:
     if truth is not None:
-        axes.plot(_since_start_s(log, truth.t_ns), truth.positions_xyz[:, 2], color=_TRUTH, lw=4, alpha=0.5)
+        axes.plot(_since_start_s(log, truth.times_ns), truth.positions[:, 2], color=_TRUTH, lw=4, alpha=0.5)
     axes.plot(times_s, positions[:, 2], color=_PATH, lw=1.2)
     axes.set(ylabel="z, m", title="Height")
 
@@ -133,7 +133,7 @@ def _stretches(values: npt.NDArray[np.int64]) -> list[tuple[int, int]]:
     return [(int(part[0]), int(part[-1])) for part in np.split(np.arange(len(values)), edges)]
 
 
-def _handles(log: VioLog, truth: TimedPoses | None, *, turned: bool) -> list[Any]:
+def _handles(log: VioLog, truth: Trajectory | None, *, turned: bool) -> list[Any]:
     name = "estimate, turned and shifted onto the truth" if turned else "estimate"
     handles: list[Any] = [Line2D([], [], color=_PATH, label=name)]
     if truth is not None:

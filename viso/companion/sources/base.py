@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import CalibrationError, load_calibration
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.frames import FLU_TO_FRD
@@ -26,7 +25,8 @@ from viso.companion.vio.types import (
 )
 from viso.geometry.frame_change import axes_matrix
 from viso.geometry.pose import SE3
-from viso.geometry.rotation import Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz
+from viso.geometry.rotation import Array, inverse, product, quat_wxyz_from_rotation
+from viso.geometry.trajectory import Trajectory
 
 LEAD_NS: Final = 100_000_000
 """How long before the first frame inertial data are of use."""
@@ -82,7 +82,7 @@ class Recording:
 
     calibration: CameraCalibration
     data: Callable[[], Iterator[SensorEvent]]
-    poses: TimedPoses | None = None
+    poses: Trajectory | None = None
     start: WarmStartPose | None = None
     config: VioConfig = field(default_factory=VioConfig)
     world_is_north: bool = False
@@ -182,9 +182,10 @@ def _since_first_frame(events: Iterator[SensorEvent]) -> Iterator[SensorEvent]:
     yield from events
 
 
-def _turned_poses(poses: TimedPoses, body_R_imu: Array) -> TimedPoses:
-    quats = [quat_wxyz_from_rotation(rotation_from_quat_wxyz(quat).dot(body_R_imu.T)) for quat in poses.quats_wxyz]
-    return TimedPoses(poses.t_ns, poses.positions_xyz, np.array(quats).reshape(-1, 4))
+def _turned_poses(poses: Trajectory, body_R_imu: Array) -> Trajectory:
+    return dataclasses.replace(
+        poses, quats_wxyz=product(poses.quats_wxyz, inverse(quat_wxyz_from_rotation(body_R_imu)))
+    )
 
 
 def _turned_start(start: WarmStartPose, to_body: SE3) -> WarmStartPose:

@@ -18,13 +18,12 @@ import numpy as np
 
 from viso.companion.sources.base import SourceError, make_frame
 from viso.companion.sources.video import check_size, opencv
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import CalibrationError, load_calibration
 from viso.companion.vio.types import CameraCalibration, ImuBias, ImuSample, NavCameraFrame, Pixels, WarmStartPose
 from viso.geometry.pose import SE3
-from viso.geometry.records import TrajectoryError, usable
 from viso.geometry.rotation import Array
-from viso.geometry.text_formats import EUROC, TUM, Row, read_text, rows_of, table_records
+from viso.geometry.trajectory import Trajectory
+from viso.geometry.trajectory_files import EUROC, TUM, Row, TrajectoryError, read_text, rows_of, table_records, usable
 
 _CAMERAS: Final = ("cam0/data", "cam0")
 _CALIBRATIONS: Final = ("cam0/sensor.yaml", "cam0_sensor.yaml")
@@ -52,7 +51,7 @@ class EurocRecording:
     calibration: CameraCalibration
     images: tuple[Image, ...]
     samples: tuple[ImuSample, ...]
-    poses: TimedPoses | None
+    poses: Trajectory | None
 
     def events(self) -> Iterator[ImuSample | NavCameraFrame]:
         """Yield the data as they arrive, each frame after the first IMU sample that is not before it.
@@ -156,6 +155,5 @@ def _sample(path: Path, row: Row) -> ImuSample:
         raise SourceError(f"{path}:{row.number}: {error}") from error
 
 
-def _poses(path: Path) -> TimedPoses:
-    trajectory = usable(table_records(path, EUROC if path.suffix == ".csv" else TUM))
-    return TimedPoses(trajectory.times_ns, trajectory.positions, trajectory.quats_wxyz)
+def _poses(path: Path) -> Trajectory:
+    return usable(table_records(path, EUROC if path.suffix == ".csv" else TUM))

@@ -13,11 +13,11 @@ from typing import Final
 
 import numpy as np
 
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD, GRAVITY_MSS
 from viso.companion.vio.types import ImuBias, ImuSample, WarmStartPose
 from viso.geometry.pose import SE3
 from viso.geometry.rotation import Array, quat_wxyz_from_rotation, rotations_from_euler, so3_exp
+from viso.geometry.trajectory import Trajectory
 
 DELAY_S: Final = 0.2
 """How late the drone's messages are: by that, its accelerations agree best with those that the camera felt."""
@@ -46,9 +46,9 @@ class DroneTrack:
     yaw_rad: Array
     quats_wxyz: Array
 
-    def poses(self) -> TimedPoses:
+    def poses(self) -> Trajectory:
         """Return where the drone was; the attitude is the airframe's, not the camera's."""
-        return TimedPoses(np.round(self.t_s * 1e9).astype(np.int64), self.position_w, self.quats_wxyz)
+        return Trajectory(np.round(self.t_s * 1e9).astype(np.int64), self.position_w, self.quats_wxyz)
 
     def start_at(self, t_s: float, samples: Iterable[ImuSample]) -> WarmStartPose:
         """Return the camera's state at a time within the track, a second before its end.

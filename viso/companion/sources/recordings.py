@@ -14,12 +14,12 @@ from viso.companion.sources.euroc import Image, load_euroc
 from viso.companion.sources.gopro import read_telemetry
 from viso.companion.sources.inertial_csv import read_inertial_csv
 from viso.companion.sources.video import video_frames, video_size
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.calibration import load_calibration
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.vio.types import CameraCalibration, SensorEvent
 from viso.companion.world.flight import DEFAULT_FRAME_RATE_HZ, SyntheticFlight, nadir_calibration
 from viso.geometry.rotation import quat_wxyz_from_rotation
+from viso.geometry.trajectory import Trajectory
 
 SYNTHETIC: Final = "synthetic"
 KARMA: Final = Path(__file__).with_name("karma_hero5_854x480.toml")
@@ -112,9 +112,9 @@ def _known_calibration(path: Path) -> CameraCalibration:
     return known
 
 
-def _true_poses(flight: SyntheticFlight) -> TimedPoses:
+def _true_poses(flight: SyntheticFlight) -> Trajectory:
     t_s = np.arange(0.0, flight.duration_s + 1.0, 1.0 / _TRUTH_RATE_HZ)
     motion = flight.trajectory.motion(t_s)
     quats = [quat_wxyz_from_rotation(rotation) for rotation in motion.rotation_wb]
     t_ns = flight.start_ns + np.round(t_s * 1e9).astype(np.int64)
-    return TimedPoses(t_ns, motion.position_w, np.array(quats))
+    return Trajectory(t_ns, motion.position_w, np.array(quats))

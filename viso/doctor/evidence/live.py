@@ -11,7 +11,7 @@ from mav_handlers.links import Link, wait_readable
 from mav_handlers.wire.codec import Codec, Received
 from viso.dds.poses import SCHEME, Heard, PoseTopic
 from viso.errors import InputError, told_errors
-from viso.geometry.records import TrajectoryError
+from viso.geometry.trajectory_files import TrajectoryError
 from viso.streams.bag_formats import collect
 from viso.streams.heard import version_heard
 from viso.streams.recorded_poses import as_recorded

@@ -25,12 +25,12 @@ from viso.companion.run import session as vio_session
 from viso.companion.run.log import VioLog
 from viso.companion.sources.base import SourceOptions
 from viso.companion.sources.kinds import SOURCES, open_source
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio import health
 from viso.companion.vio.calibration import load_calibration
 from viso.companion.vio.config import load_config
 from viso.companion.vio.imu import IMU_EMPTY, IMU_GAP
 from viso.companion.vio.types import VioState
+from viso.geometry.trajectory import Trajectory
 from viso.streams.readers import Source, load_trajectory
 
 CLIP = ROOT.parent / "shared" / "data" / "euroc_mh01_clip"
@@ -134,7 +134,7 @@ def test_missing_opencv_is_one_line(viso: Viso, film: Viso, monkeypatch: pytest.
 def test_losing_the_way_is_exit_code_1(film: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
     summary = VioLog.summary
 
-    def lost(log: VioLog, truth: TimedPoses | None) -> dict[str, Any]:
+    def lost(log: VioLog, truth: Trajectory | None) -> dict[str, Any]:
         return summary(log, truth) | {"ended": VioState.LOST.value}
 
     monkeypatch.setattr(VioLog, "summary", lost)

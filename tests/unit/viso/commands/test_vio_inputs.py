@@ -13,10 +13,10 @@ from tests.unit.viso.companion.vio.strategy_rig import make_calibration
 from viso.commands.vio_inputs import configured, known_truth, opened, rotation_of
 from viso.companion.sources.base import Recording, SourceOptions
 from viso.companion.sources.camera import LiveCamera
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.types import SensorEvent
 from viso.errors import InputError
+from viso.geometry.trajectory import Trajectory
 
 
 def nothing() -> Iterator[SensorEvent]:
@@ -55,7 +55,7 @@ def test_unknown_strategy_is_told_as_the_factory_does() -> None:
 
 
 def test_truth_is_the_source_s_or_a_file_s(tmp_path: Path) -> None:
-    known = TimedPoses(np.array([0]), np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]]))
+    known = Trajectory(np.array([0]), np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]]))
     path = tmp_path / "truth.tum"
     path.write_text("0 1 2 3 0 0 0 1\n1 2 3 4 0 0 0 1\n")
     source = dataclasses.replace(RECORDING, poses=known)
@@ -63,7 +63,7 @@ def test_truth_is_the_source_s_or_a_file_s(tmp_path: Path) -> None:
     assert known_truth(CAMERA, None) is None
     read = known_truth(source, path)
     assert read is not None
-    assert read.positions_xyz.tolist() == [[1, 2, 3], [2, 3, 4]]
+    assert read.positions.tolist() == [[1, 2, 3], [2, 3, 4]]
 
 
 def test_truth_that_is_none_is_told(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
 from ekf_stub.reports import AidingMode
-from viso.companion.trials.evaluation import TimedPoses
 from viso.compare.figures import BY_TIME, LOWER_IS_BETTER, OBJECTIVES, Judge, Row
+from viso.geometry.trajectory import Trajectory
 from viso.replay.run import ReplayOutcome, SaidText
 from viso.vehicle.outcomes.watch import AidingSpan, FilterWatch, SampleTest
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -45,7 +45,7 @@ def vehicle() -> Vehicle:
     return Vehicle(VehicleConfig())
 
 
-def judged(vehicle: Vehicle, *tests: SampleTest, truth: TimedPoses | None = None) -> Row:
+def judged(vehicle: Vehicle, *tests: SampleTest, truth: Trajectory | None = None) -> Row:
     judge, watch = Judge(truth), FilterWatch(vehicle)
     judge.start(vehicle, watch)
     for test in tests:
@@ -128,6 +128,6 @@ def test_aiding_is_counted_from_when_it_began() -> None:
 
 def test_reference_that_nothing_can_be_compared_with_gives_no_error(vehicle: Vehicle) -> None:
     assert isinstance(vehicle.ahrs, Ekf3Ahrs)
-    truth = TimedPoses(np.array([0, 1]), np.zeros((2, 3)), np.ones((2, 4)))
+    truth = Trajectory(np.array([0, 1]), np.zeros((2, 3)), np.ones((2, 4)))
     found = judged(vehicle, truth=truth)
     assert (found["ate_m"], found["ate_poses"]) == (None, 0)

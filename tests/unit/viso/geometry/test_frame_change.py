@@ -13,7 +13,7 @@ from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE
 from tests.places import SHARED
 from viso.geometry.frame_change import PRESETS, FrameChange, axes_matrix, parse_axes, parse_rotation
 from viso.geometry.rotation import Array, quat_wxyz_from_rotation, rotation_from_quat_wxyz, so3_exp, so3_log
-from viso.geometry.trajectory import RecordedTrajectory
+from viso.geometry.trajectory import Trajectory
 from viso.streams.messages import Report, vision_position_estimate
 from viso.streams.readers import Source, load_trajectory
 
@@ -31,12 +31,12 @@ def components(vector: Array, letters: str) -> list[float]:
     return [float(POINTS[letter] @ vector) for letter in letters]
 
 
-def recorded(preset: str, positions: list[Array], rotation: Array, velocity: Array) -> RecordedTrajectory:
+def recorded(preset: str, positions: list[Array], rotation: Array, velocity: Array) -> Trajectory:
     """Write down a vehicle's motion, given in NED and FRD, as somebody with the preset's axes would."""
     world, body = PRESETS[preset].world, PRESETS[preset].body
     attitude = np.array([components(rotation @ POINTS[letter], world) for letter in body]).T
     count = len(positions)
-    return RecordedTrajectory(
+    return Trajectory(
         np.arange(count) * 100_000_000,
         np.array([components(position, world) for position in positions]),
         np.tile(quat_wxyz_from_rotation(attitude), (count, 1)),
@@ -48,7 +48,7 @@ def change_of(preset: str, mounting: Array = LEVEL) -> FrameChange:
     return FrameChange(*parse_axes(preset), mounting)
 
 
-def rotation_of(trajectory: RecordedTrajectory) -> Array:
+def rotation_of(trajectory: Trajectory) -> Array:
     return rotation_from_quat_wxyz(trajectory.quats_wxyz[0])
 
 
@@ -73,14 +73,14 @@ def test_mounting_is_taken_off_the_attitude(turn: Array, mounted: Array, preset:
 
 
 def test_east_of_ros_is_east_of_the_autopilot() -> None:
-    flown = RecordedTrajectory(np.array([0]), np.array([[2.0, 0.0, 1.0]]), np.array([[1.0, 0, 0, 0]]))
+    flown = Trajectory(np.array([0]), np.array([[2.0, 0.0, 1.0]]), np.array([[1.0, 0, 0, 0]]))
     trajectory = change_of("enu_flu").apply(flown)
     np.testing.assert_allclose(trajectory.positions, [[0.0, 2.0, -1.0]])
     np.testing.assert_allclose(so3_log(rotation_of(trajectory)), [0.0, 0.0, math.pi / 2], atol=1e-12)
 
 
 def test_camera_that_looks_ahead_is_level() -> None:
-    flown = RecordedTrajectory(np.array([0]), np.array([[1.0, 2.0, 3.0]]), np.array([[1.0, 0, 0, 0]]))
+    flown = Trajectory(np.array([0]), np.array([[1.0, 2.0, 3.0]]), np.array([[1.0, 0, 0, 0]]))
     trajectory = change_of("optical").apply(flown)
     assert trajectory.positions.tolist() == [[3.0, 1.0, 2.0]]
     np.testing.assert_allclose(rotation_of(trajectory), LEVEL, atol=1e-12)
@@ -117,9 +117,7 @@ def test_covariance_turns_with_the_axes(preset: str) -> None:
     there = recorded(preset, [moved], so3_exp(turned), NORTH)
     twist = so3_log(rotation_of(there) @ rotation_of(still).T)
     error = np.concatenate([there.positions[0], twist])
-    flown = RecordedTrajectory(
-        still.times_ns, still.positions, still.quats_wxyz, covariances=np.outer(error, error)[None]
-    )
+    flown = Trajectory(still.times_ns, still.positions, still.quats_wxyz, covariances=np.outer(error, error)[None])
     covariances = change_of(preset).apply(flown).covariances
     assert covariances is not None
     expected = np.concatenate([moved, turned])

@@ -3,6 +3,7 @@
 """A recorded trajectory: what it refuses, its velocities, and what stands between its records."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.viso.trajectories import make_trajectory
-from viso.geometry.trajectory import TIME_END_NS, RecordedTrajectory
+from viso.geometry.pose import SE3
+from viso.geometry.rotation import Array, so3_log
+from viso.geometry.trajectory import TIME_END_NS, Trajectory
 
 LEVEL = [1.0, 0.0, 0.0, 0.0]
 YAWED_90 = [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
@@ -20,7 +23,7 @@ YAWED_90 = [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
     ("field", "value"),
     [
         ("times_ns", np.array([0, 2, 2])),
-        ("times_ns", np.array([-1, 0, 1])),
+        ("times_ns", np.array([-TIME_END_NS, 0, 1])),
         ("times_ns", np.array([0, 1, TIME_END_NS])),
         ("positions", np.zeros((3, 2))),
         ("positions", np.full((3, 3), np.nan)),
@@ -36,9 +39,9 @@ def test_field_that_is_wrong_is_named(field: str, value: object) -> None:
         make_trajectory(3, **{field: value})
 
 
-def test_trajectory_without_records_is_refused() -> None:
-    with pytest.raises(ValueError, match="times_ns: none"):
-        make_trajectory(0)
+def test_trajectory_without_records_has_no_length() -> None:
+    empty = make_trajectory(0)
+    assert (len(empty), empty.duration_s, empty.path_length_m) == (0, 0.0, 0.0)
 
 
 def test_arrays_cannot_be_written_to() -> None:
@@ -148,9 +151,66 @@ def test_resampling_keeps_what_was_left_out() -> None:
 def test_resampled_records_lie_between_their_neighbours(steps_ns: list[int], rate_hz: float, max_gap_s: float) -> None:
     times_ns = np.cumsum([0, *steps_ns])
     positions = np.outer(np.arange(len(times_ns)), [1.0, 2.0, -1.0])
-    trajectory = RecordedTrajectory(times_ns, positions, np.tile(LEVEL, (len(times_ns), 1)))
+    trajectory = Trajectory(times_ns, positions, np.tile(LEVEL, (len(times_ns), 1)))
     resampled = trajectory.resampled(rate_hz, max_gap_s)
     after = np.searchsorted(times_ns, resampled.times_ns)
     assert resampled.times_ns[0] == 0
     assert (resampled.positions[:, 0] <= after + 1e-9).all()
     assert (resampled.positions[:, 0] >= after - 1 - 1e-9).all()
+
+
+def timed(t_ns: np.ndarray, poses: list[SE3]) -> Trajectory:
+    positions, quats = [pose.t for pose in poses], [pose.quat_wxyz() for pose in poses]
+    return Trajectory(t_ns, np.reshape(positions, (-1, 3)), np.reshape(quats, (-1, 4)))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 1.0])
+def test_positions_are_interpolated_linearly(share: float) -> None:
+    poses = timed(np.array([0, 100]), [SE3.identity(), SE3(np.eye(3), np.array([4.0, 0, -8.0]))])
+    at = poses.interpolated(np.array([int(100 * share)]))
+    assert at.positions[0] == pytest.approx([4 * share, 0, -8 * share])
+
+
+def turned_half_way(first: Array, second: Array) -> Array:
+    poses = Trajectory(np.array([0, 100]), np.zeros((2, 3)), np.array([first, second]))
+    return so3_log(poses.interpolated(np.array([50])).se3(0).R)
+
+
+def test_attitudes_are_interpolated_the_shorter_way() -> None:
+    first, second = np.array([1.0, 0, 0, 0]), np.array([math.cos(0.3), 0, 0, math.sin(0.3)])
+    assert turned_half_way(first, second) == pytest.approx([0, 0, 0.3])
+    assert turned_half_way(first, -second) == pytest.approx([0, 0, 0.3])
+
+
+def test_quaternions_need_not_be_normalised() -> None:
+    first, second = np.array([3.0, 0, 0, 0]), np.array([math.cos(0.3), 0, 0, math.sin(0.3)])
+    assert turned_half_way(first, 0.1 * second) == pytest.approx([0, 0, 0.3])
+
+
+def test_interpolation_stays_within_the_trajectory() -> None:
+    with pytest.raises(ValueError, match="outside"):
+        timed(np.array([0, 100]), [SE3.identity(), SE3.identity()]).interpolated(np.array([-1]))
+
+
+@pytest.mark.parametrize(
+    ("field", "values"),
+    [
+        ("times_ns", (np.array([0, 0]), np.zeros((2, 3)), np.ones((2, 4)))),
+        ("times_ns", (np.zeros((1, 2)), np.zeros((1, 3)), np.ones((1, 4)))),
+        ("positions", (np.array([0, 1]), np.zeros((3, 3)), np.ones((2, 4)))),
+        ("positions", (np.array([0]), np.full((1, 3), np.nan), np.ones((1, 4)))),
+        ("quats_wxyz", (np.array([0]), np.zeros((1, 3)), np.ones((1, 3)))),
+        ("quats_wxyz", (np.array([0]), np.zeros((1, 3)), np.zeros((1, 4)))),
+    ],
+)
+def test_poses_are_validated(field: str, values: tuple[Any, Any, Any]) -> None:
+    with pytest.raises(ValueError, match=field):
+        Trajectory(*values)
+
+
+def test_pose_at_a_time_is_interpolated_and_unknown_outside() -> None:
+    poses = Trajectory.of([(0, SE3.identity()), (10, SE3(np.eye(3), np.array([2.0, 4.0, 6.0])))])
+    pose = poses.at(5)
+    assert pose is not None
+    assert pose.t.tolist() == [1.0, 2.0, 3.0]
+    assert poses.at(11) is poses.at(-1) is Trajectory.of([]).at(0) is None

@@ -15,7 +15,7 @@ from mav_handlers.links.tlog import YEAR_2000_US
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, STATUSTEXT, Message
 from viso.errors import InputError
-from viso.geometry.trajectory import RecordedTrajectory
+from viso.geometry.trajectory import Trajectory
 from viso.running import playing
 from viso.running.playing import LinkPlay, write_telemetry_log
 from viso.streams.player import Playback, Player, RecordedEngine, Text
@@ -24,7 +24,7 @@ PERIOD_NS = 250_000_000
 
 
 def make_player(count: int = 5, *, loop: bool = False) -> Player:
-    trajectory = RecordedTrajectory(
+    trajectory = Trajectory(
         np.arange(count) * PERIOD_NS, np.zeros((count, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
     )
     return Player(RecordedEngine(trajectory, Playback(loop=loop)))

@@ -22,8 +22,8 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from tests.unit.viso.trajectories import outcome_of
-from viso.geometry.records import NO_ROTATION, TrajectoryError, usable
-from viso.geometry.trajectory import RecordedTrajectory
+from viso.geometry.trajectory import Trajectory
+from viso.geometry.trajectory_files import NO_ROTATION, TrajectoryError, usable
 from viso.streams.bag_formats import POSE_TYPES, bag_records, collect
 
 STORE = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_HUMBLE)}
@@ -110,11 +110,11 @@ def make_bag(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., Pa
     return make
 
 
-def read_bag(path: Path, topic: str | None) -> RecordedTrajectory:
+def read_bag(path: Path, topic: str | None) -> Trajectory:
     return usable(bag_records(path, topic))
 
 
-def collected(messages: Messages) -> RecordedTrajectory:
+def collected(messages: Messages) -> Trajectory:
     """Return what can be used of messages as a bag gives them."""
     return usable(collect("a bag", ((time_s * 10**9, kind, content) for _, kind, time_s, content in messages)))
 

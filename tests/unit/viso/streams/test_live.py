@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ODOMETRY
 from viso.geometry.frame_change import FrameChange, parse_axes
-from viso.geometry.records import FAR_OFF, NO_ROTATION, NOT_FINITE, NOT_LATER, usable
+from viso.geometry.trajectory_files import FAR_OFF, NO_ROTATION, NOT_FINITE, NOT_LATER, usable
 from viso.streams.bag_formats import PoseMessage, collect
 from viso.streams.live import NO_TIME, NO_VELOCITY, LiveOptions, LivePoses
 from viso.streams.messages import FORMS

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.places import ROOT
-from viso.geometry.records import TrajectoryError
-from viso.geometry.trajectory import RecordedTrajectory
+from viso.geometry.trajectory import Trajectory
+from viso.geometry.trajectory_files import TrajectoryError
 from viso.streams.readers import FORMATS, Source, format_of, load_trajectory
 
 DATA = ROOT.parent / "shared" / "data"
@@ -72,19 +72,19 @@ def test_flight_of_the_examples_is_whole() -> None:
 
 
 @pytest.fixture(scope="module")
-def states() -> RecordedTrajectory:
+def states() -> Trajectory:
     """Return the true states of a recording of EuRoC's."""
     return load_trajectory(Source(DATA / "euroc_v102_imu" / "gt0.csv"))
 
 
 @pytest.mark.skipif(not DATA.exists(), reason="the recorded data are not there")
-def test_ground_truth_of_euroc_is_read_in_both_its_forms(states: RecordedTrajectory) -> None:
+def test_ground_truth_of_euroc_is_read_in_both_its_forms(states: Trajectory) -> None:
     clip = load_trajectory(Source(DATA / "euroc_mh01_clip" / "groundtruth.tum"))
     assert (len(clip), len(states)) == (4020, 3340)
     assert clip.left_out == states.left_out == {}
 
 
 @pytest.mark.skipif(not DATA.exists(), reason="the recorded data are not there")
-def test_velocities_from_positions_are_those_of_the_recording(states: RecordedTrajectory) -> None:
+def test_velocities_from_positions_are_those_of_the_recording(states: Trajectory) -> None:
     difference = states.world_velocities - states.without_velocities().world_velocities
     assert np.sqrt(np.mean(difference**2)) < 0.005

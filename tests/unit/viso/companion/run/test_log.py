@@ -7,17 +7,17 @@ import pytest
 
 from tests.unit.viso.vio_results import SECOND_NS, Flight, flown
 from viso.companion.run.log import VioLog, tum_lines
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.config import AglSource, VioConfig
 from viso.companion.vio.types import VioState
+from viso.geometry.trajectory import Trajectory
 
 
 def test_poses_are_those_of_the_outputs() -> None:
     log = flown(Flight().init().fly(3).lose())
     assert [frame.state.value for frame in log.frames] == ["INIT", "TRACKING", "TRACKING", "TRACKING", "LOST"]
     trajectory = log.trajectory()
-    assert trajectory.t_ns.tolist() == [SECOND_NS, 2 * SECOND_NS, 3 * SECOND_NS]
-    np.testing.assert_allclose(trajectory.positions_xyz, [[1, 0, 2], [2, 0, 2], [3, 0, 2]])
+    assert trajectory.times_ns.tolist() == [SECOND_NS, 2 * SECOND_NS, 3 * SECOND_NS]
+    np.testing.assert_allclose(trajectory.positions, [[1, 0, 2], [2, 0, 2], [3, 0, 2]])
 
 
 def test_shift_is_taken_off_the_stamps() -> None:
@@ -59,10 +59,10 @@ def test_summary_of_nothing_is_one() -> None:
     assert (told["frames"], told["ended"], told["path_m"], told["ms_median"]) == (0, None, 0.0, None)
 
 
-def truth(scale: float = 1.0) -> TimedPoses:
+def truth(scale: float = 1.0) -> Trajectory:
     times = np.arange(8) * SECOND_NS
     positions = np.column_stack([np.arange(8) * scale, np.full(8, 5.0), np.zeros(8)])
-    return TimedPoses(times, positions, np.tile([1.0, 0, 0, 0], (8, 1)))
+    return Trajectory(times, positions, np.tile([1.0, 0, 0, 0], (8, 1)))
 
 
 def test_error_is_what_is_left_after_alignment() -> None:
@@ -79,13 +79,13 @@ def test_scale_error_is_that_of_the_estimate() -> None:
 
 def test_error_is_unknown_where_the_truth_is() -> None:
     log = flown(Flight().init().fly(5))
-    late = TimedPoses(truth().t_ns + 100 * SECOND_NS, truth().positions_xyz, truth().quats_wxyz)
+    late = Trajectory(truth().times_ns + 100 * SECOND_NS, truth().positions, truth().quats_wxyz)
     assert log.error(late) is None
     assert log.error(None) is None
 
 
 def test_lines_hold_time_position_and_attitude() -> None:
-    poses = TimedPoses(
+    poses = Trajectory(
         np.array([-15_000_000, 1_403_636_580_838_555_648]),
         np.array([[1.5, -2, 0.25]] * 2),
         np.array([[0.6, 0.8, 0.0, 0.0]] * 2),

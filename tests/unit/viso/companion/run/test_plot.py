@@ -13,20 +13,20 @@ from matplotlib.figure import Figure
 from tests.unit.viso.vio_results import SECOND_NS, Flight, flown
 from viso.companion.run.log import VioLog
 from viso.companion.run.plot import save_plot
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.types import VioState
 from viso.errors import InputError
+from viso.geometry.trajectory import Trajectory
 
 MIXED = Flight().init().fly(4).fly(3, VioState.DEGRADED).fly(2).lose()
 
 
-def truth() -> TimedPoses:
+def truth() -> Trajectory:
     """Return the path of the flight, turned by 90 degrees and shifted."""
     count = 30
     times = (np.arange(count) - 10) * SECOND_NS
     positions = np.column_stack([np.full(count, 5.0), np.arange(count) - 10.0, np.full(count, 1.0)])
-    return TimedPoses(times, positions, np.tile([1.0, 0, 0, 0], (count, 1)))
+    return Trajectory(times, positions, np.tile([1.0, 0, 0, 0], (count, 1)))
 
 
 @pytest.fixture

@@ -68,7 +68,7 @@ def test_same_data_give_the_same_poses(film: Recording) -> None:
         session(film, log=log).run_through()
     first, second = (log.trajectory() for log in logs)
     assert len(first) > 3
-    assert (first.positions_xyz == second.positions_xyz).all()
+    assert (first.positions == second.positions).all()
 
 
 def test_recording_that_breaks_is_an_input_error(film: Recording) -> None:

@@ -12,9 +12,9 @@ from rich.table import Table
 from tests.unit.viso.vio_results import SECOND_NS, Flight, flown
 from viso.companion.run.log import VioLog
 from viso.companion.run.tables import STYLES, live_table, summary_table
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.types import VioState
+from viso.geometry.trajectory import Trajectory
 
 
 def drawn(table: Table) -> str:
@@ -51,7 +51,7 @@ def test_every_state_has_a_colour() -> None:
 
 def test_closing_table_tells_all() -> None:
     times = np.arange(8) * SECOND_NS
-    truth = TimedPoses(times, np.column_stack([0.8 * np.arange(8), np.zeros((8, 2))]), np.tile([1.0, 0, 0, 0], (8, 1)))
+    truth = Trajectory(times, np.column_stack([0.8 * np.arange(8), np.zeros((8, 2))]), np.tile([1.0, 0, 0, 0], (8, 1)))
     summary = flown(Flight().init().fly(5).lose()).summary(truth) | {"sent": {"HEARTBEAT": 3, "ODOMETRY": 40}}
     text = drawn(summary_table("flight.mp4", summary))
     for part in (

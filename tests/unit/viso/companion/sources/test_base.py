@@ -19,7 +19,6 @@ from viso.companion.sources.base import (
     in_order_of_arrival,
     make_frame,
 )
-from viso.companion.trials.evaluation import TimedPoses
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.types import (
     CameraCalibration,
@@ -32,6 +31,7 @@ from viso.companion.vio.types import (
 )
 from viso.geometry.pose import SE3
 from viso.geometry.rotation import so3_exp
+from viso.geometry.trajectory import Trajectory
 
 PIXELS = np.zeros((4, 6), np.uint8)
 
@@ -53,7 +53,7 @@ def recording() -> Recording:
     def data() -> Iterator[SensorEvent]:
         yield from (sample(0), frame(1), sample(2))
 
-    poses = TimedPoses(np.array([0, 10]), np.array([[0, 0, 0], [2, 4, 6.0]]), np.array([[1, 0, 0, 0]] * 2))
+    poses = Trajectory(np.array([0, 10]), np.array([[0, 0, 0], [2, 4, 6.0]]), np.array([[1, 0, 0, 0]] * 2))
     start = WarmStartPose(SE3.identity(), np.array([3.0, 0, 0]), ImuBias(np.array([0.1, 0.2, 0.3]), np.arange(3.0)))
     return Recording(calibration(), data, poses, start)
 

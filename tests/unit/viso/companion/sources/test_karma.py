@@ -34,13 +34,13 @@ def test_north_is_y_and_a_heading_of_0() -> None:
     track = straight()
     np.testing.assert_allclose(track.velocity_w[0], [0, 2, 0])
     assert track.yaw_rad[0] == pytest.approx(0.5 * math.pi)
-    assert yaw_of(track.poses().pose(0).R) == pytest.approx(0.5 * math.pi)
+    assert yaw_of(track.poses().se3(0).R) == pytest.approx(0.5 * math.pi)
 
 
 def test_airframe_that_leans_right_and_looks_up_does_so_in_enu() -> None:
     attitudes = np.array([[0.0, 0.1, 0.2, 0.0], [1.0, 0.1, 0.2, 0.0]])
     positions = np.column_stack([[0.0, 1.0], np.zeros((2, 6))])
-    rotation = drone_track(attitudes, positions, [(0.0, 1.0, 0.0, 1.0)]).poses().pose(0).R
+    rotation = drone_track(attitudes, positions, [(0.0, 1.0, 0.0, 1.0)]).poses().se3(0).R
     assert rotation[2, 0] == pytest.approx(math.sin(0.2))  # forward points up
     assert rotation[2, 1] > 0  # left points up
 

@@ -58,7 +58,7 @@ def test_odometry_starts_on_a_video_of_standing_still(video: SourceOptions) -> N
     recording = open_video(video)
     trial = run_trial(recording, recording.config)
     assert trial.frames[-1].result.state is not VioState.INIT
-    assert np.linalg.norm(trial.estimate().positions_xyz[-1]) < 1e-2
+    assert np.linalg.norm(trial.estimate().positions[-1]) < 1e-2
 
 
 def test_video_needs_inertial_data(video: SourceOptions) -> None:
@@ -106,7 +106,7 @@ def test_karma_begins_where_its_drone_is_known() -> None:
     assert 33_000_000 <= first.capture_timestamp < 100_000_000
     assert recording.start is not None
     assert recording.poses is not None
-    assert recording.poses.path_length_m() == pytest.approx(81.3, abs=0.1)
+    assert recording.poses.path_length_m == pytest.approx(81.3, abs=0.1)
     assert recording.world_is_north
 
 

@@ -26,7 +26,6 @@ from tests.unit.viso.companion.vio.strategy_rig import (
 )
 from tools.trial import Trial, nees_per_dof, run_trial
 from viso.companion.trials import trial
-from viso.companion.trials.evaluation import EvaluationError
 from viso.companion.vio.config import AglSource, VioConfig
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts
@@ -42,6 +41,7 @@ from viso.companion.vio.types import (
     VioState,
     WarmStartPose,
 )
+from viso.geometry.errors import EvaluationError
 from viso.geometry.pose import SE3
 from viso.geometry.rotation import Array
 
@@ -225,7 +225,7 @@ def test_same_data_give_the_same_trial(rig: Rig) -> None:
     rig.make_script = lambda: Script((0.01, 0.02, 0.0))
     first, second = rig.run(), rig.run()
     assert first.horizontal_nees() == second.horizontal_nees()
-    assert first.estimate().positions_xyz.tolist() == second.estimate().positions_xyz.tolist()
+    assert first.estimate().positions.tolist() == second.estimate().positions.tolist()
 
 
 def test_frames_before_the_first_output_have_none(rig: Rig) -> None:
