@@ -14,7 +14,7 @@ WARM_UP_FRAMES = 30
 PROGRAM = """
 import json, sys
 from pathlib import Path
-from tools.bench.vio_flight import FlownStrategy
+from tests.fault.vio_flight import FlownStrategy
 from viso.companion.world.ground import generate_texture
 
 def resident_mb():

@@ -12,7 +12,7 @@ from typing import Final
 import pytest
 
 from mav_handlers.wire.codec import Codec
-from tools.bench.odometry import odometry_at
+from tools.bench import odometry_at
 from viso.cli import COMMANDS
 
 HEAVY: Final = {
