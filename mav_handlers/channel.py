@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Final
 from ap_core.cint import u32, u64
 from ap_core.verdict import Outcome, Verdict
 from mav_handlers.jitter_correction import JitterCorrection
-from mav_handlers.schedule.buckets import IntervalBuckets
-from mav_handlers.schedule.deferred import DeferredMessages
+from mav_handlers.schedule import DeferredMessages, IntervalBuckets
 from mav_handlers.wire.codec import Codec, Header, full_length
 from mav_handlers.wire.messages import Message
 

@@ -29,7 +29,7 @@ from mav_handlers.handlers.clocks import send_timesync, timesync_due_us
 from mav_handlers.params.names import OPTION_PRIVATE
 from mav_handlers.params.reads import NO_INDEX, ParamReads
 from mav_handlers.radio import RadioLink
-from mav_handlers.routing import RADIO_MESSAGES, RouteTable
+from mav_handlers.routing import RADIO_MESSAGES, TARGETED, RouteTable, target_fields
 from mav_handlers.senders import gps_global_origin
 from mav_handlers.senders.intervals import by_name, set_defaults
 from mav_handlers.senders.sending import Sending
@@ -45,7 +45,6 @@ from mav_handlers.verdicts import (
 )
 from mav_handlers.wire.codec import BadData, Codec, Header, Received
 from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, PARAM_VALUE, Message
-from mav_handlers.wire.targets import TARGETED, target_fields
 
 if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle

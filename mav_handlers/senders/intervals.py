@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
 from mav_handlers.channel import MAX_INTERVAL_MS, Channel
-from mav_handlers.schedule.deferred import DEFERRED, NEXT_PARAM
+from mav_handlers.schedule import DEFERRED, NEXT_PARAM
 from mav_handlers.senders import SENDERS, STREAM_GROUPS
 from mav_handlers.wire.codec import message_name
 

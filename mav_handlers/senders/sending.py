@@ -14,7 +14,7 @@ from mav_handlers.channel import Channel
 from mav_handlers.params.pump import pump_params
 from mav_handlers.params.reads import ParamReads
 from mav_handlers.radio import RadioLink
-from mav_handlers.schedule.deferred import NEXT_PARAM
+from mav_handlers.schedule import NEXT_PARAM
 from mav_handlers.senders import MOVING_ON, SENDERS
 from mav_handlers.wire.messages import MESSAGES
 

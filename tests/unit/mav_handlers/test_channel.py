@@ -6,7 +6,7 @@ import pytest
 
 from ap_core.verdict import Outcome
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel, ParamListState
-from mav_handlers.schedule.buckets import NEVER_MS
+from mav_handlers.schedule import NEVER_MS
 from mav_handlers.verdicts import BAD_PREFIX, HANDLED
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import (

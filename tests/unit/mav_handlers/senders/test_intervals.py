@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from mav_handlers.channel import Channel
-from mav_handlers.schedule.deferred import NEXT_PARAM
+from mav_handlers.schedule import NEXT_PARAM
 from mav_handlers.senders import STREAM_GROUPS
 from mav_handlers.senders.intervals import default_interval_ms, set_defaults, set_interval, stream_interval_ms
 from mav_handlers.wire.codec import Codec

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from mav_handlers.routing import target_fields
 from mav_handlers.wire.codec import Codec, Header, Received
-from mav_handlers.wire.targets import target_fields
 
 CLASSES = sorted(dialect.mavlink_map.values(), key=lambda cls: cls.msgname)
 

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from mav_handlers.schedule.buckets import NEVER_MS
-from mav_handlers.schedule.deferred import NEXT_PARAM, DeferredMessages
+from mav_handlers.schedule import NEVER_MS, NEXT_PARAM, DeferredMessages
 
 HEARTBEAT = "HEARTBEAT"
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from mav_handlers.schedule.buckets import BUCKET_COUNT, IntervalBuckets, next_sent_ms
+from mav_handlers.schedule import BUCKET_COUNT, IntervalBuckets, next_sent_ms
 
 NAMES = tuple("abcdefghijklmnopqrst")
 
