@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The companion computer as a MAVLink component: what it sends and when, by its own clock."""
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
 from mav_handlers.links.base import Link
-from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import COMMAND_LONG, HEARTBEAT, Message
 
 MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY: Final = 197
@@ -39,6 +40,59 @@ def command_long(command: int, *params: float) -> COMMAND_LONG:
     return COMMAND_LONG(1, 1, command, 0, *seven)
 
 
+def next_due_us(due_us: int, period_us: int, now_us: int) -> int:
+    """Return the first instant of a schedule after now."""
+    return due_us + ((now_us - due_us) // period_us + 1) * period_us
+
+
+class MavlinkSender(Codec):
+    """The companion's end of MAVLink without a link: a codec that counts messages, and has a heartbeat each second.
+
+    What a late call has missed is not made up for.
+
+    Args:
+        system_id, component_id: of outgoing frames.
+        start_us: when the first heartbeat is due.
+
+    Attributes:
+        sent: how many messages of which kind were encoded.
+        heartbeat_us: when the next heartbeat is due.
+    """
+
+    def __init__(
+        self,
+        system_id: int = 1,
+        component_id: int = MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
+        *,
+        start_us: int = 0,
+    ) -> None:
+        super().__init__(system_id, component_id)
+        self.sent: Counter[str] = Counter()
+        self.heartbeat_us = start_us
+
+    def encode(self, message: Message) -> bytes:
+        """Return the frame of a message."""
+        self.sent[type(message).__name__] += 1
+        return super().encode(message)
+
+    def heartbeats(self, now_us: int) -> tuple[HEARTBEAT, ...]:
+        """Return the heartbeat, if it is due by now."""
+        if now_us < self.heartbeat_us:
+            return ()
+        self.heartbeat_us = next_due_us(self.heartbeat_us, HEARTBEAT_PERIOD_US, now_us)
+        return (COMPANION_HEARTBEAT,)
+
+    def skip_heartbeats(self, until_us: int) -> None:
+        """Leave out the heartbeats that are due before a time."""
+        self.heartbeats(until_us - 1)
+
+    def received(self, data: bytes) -> Iterator[Received | BadData]:
+        """Take in bytes; yield what is whole."""
+        self.feed(data)
+        while (received := self.next_received()) is not None:
+            yield received
+
+
 class Companion:
     """Sends a heartbeat once a second and an estimate at its own rate, and listens.
 
@@ -62,20 +116,18 @@ class Companion:
         self._estimate = estimate
         self._period_us = round(1e6 / rate_hz)
         self._latency_us = latency_us
-        self._codec = Codec(system_id, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)
+        self._mavlink = MavlinkSender(system_id, start_us=start_us)
         self._next_frame_us = start_us
-        self._next_heartbeat_us = start_us
         self.received: list[Message] = []
 
     def next_due_us(self) -> int:
         """Return when ``run`` has something to do next."""
-        return min(self._next_frame_us + self._latency_us, self._next_heartbeat_us)
+        return min(self._next_frame_us + self._latency_us, self._mavlink.heartbeat_us)
 
     def run(self, now_us: int) -> None:
         """Send what is due by ``now_us`` and take in what has arrived."""
-        while self._next_heartbeat_us <= now_us:
-            self._next_heartbeat_us += HEARTBEAT_PERIOD_US
-            self.send(COMPANION_HEARTBEAT)
+        for heartbeat in self._mavlink.heartbeats(now_us):
+            self.send(heartbeat)
         while self._next_frame_us + self._latency_us <= now_us:
             message = self._estimate(self._next_frame_us)
             self._next_frame_us += self._period_us
@@ -85,7 +137,7 @@ class Companion:
 
     def send(self, message: Message) -> None:
         """Send a message now."""
-        self._link.send(self._codec.encode(message))
+        self._link.send(self._mavlink.encode(message))
 
     def command(self, command: int, *params: float) -> None:
         """Send a COMMAND_LONG to the autopilot; missing parameters are 0."""
@@ -93,7 +145,6 @@ class Companion:
 
     def _receive(self) -> None:
         while data := self._link.receive():
-            self._codec.feed(data)
-            while (received := self._codec.next_received()) is not None:
+            for received in self._mavlink.received(data):
                 if isinstance(received, Received) and received.message is not None:
                     self.received.append(received.message)

@@ -36,7 +36,7 @@ from mav_handlers.wire.messages import (
     TIMESYNC,
     Message,
 )
-from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
+from viso.companion.sender import MavlinkSender
 from viso.recording.clock import RATE_SPAN_US, AutopilotClock
 from viso.recording.log_download import LogPieces
 from viso.recording.scenario import Ask, Change, Dropout, Jump, Pause, Scenario, Send, Set, Start, Step, Until
@@ -154,14 +154,13 @@ class Recorder:
         self._now_us = 0
         self._out: list[bytes] = []
         self._incoming = Codec(*_GROUND_STATION)
-        self._companion = Codec(1, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)
+        self._companion = MavlinkSender()
         self._station = Codec(*_GROUND_STATION)
         self._texts = TextPieces()
         self._target: tuple[int, int] | None = None
         self._heard_us = 0
         self._may_be_silent = True
         self._is_rebooting = False
-        self._next_heartbeat_us = 0
         self._next_timesync_us = 0
         self._asked_ns: deque[int] = deque(maxlen=_MOST_ASKED)
         self._streams: list[VisionStream] = []
@@ -182,16 +181,15 @@ class Recorder:
     def next_due_us(self) -> int:
         """When ``advance`` has something to do next."""
         streams = (stream.next_due_us() for stream in self._streams)
-        return min(self._wake_us, self._next_heartbeat_us, self._next_timesync_us, *streams)
+        return min(self._wake_us, self._companion.heartbeat_us, self._next_timesync_us, *streams)
 
     def advance(self, now_us: int) -> bytes:
         """Do what is due by now, and return the bytes to be sent."""
         while not self.is_over and (due_us := self.next_due_us) <= now_us:
             self._now_us = max(self._now_us, due_us)
             self._send_streams()
-            if self._now_us >= self._next_heartbeat_us:
-                self._next_heartbeat_us = self._now_us + HEARTBEAT_PERIOD_US
-                self._put(self._companion, COMPANION_HEARTBEAT)
+            for heartbeat in self._companion.heartbeats(self._now_us):
+                self._put(self._companion, heartbeat)
             if self._now_us >= self._next_timesync_us:
                 self._next_timesync_us = self._now_us + _TIMESYNC_PERIOD_US
                 self._asked_ns.append(self._now_us * 1000)

@@ -2,19 +2,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A recorded engine, which reports a trajectory as the odometry that recorded it would have, as a MAVLink component."""
 
-from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from mav_handlers.wire.codec import Codec, Received
+from mav_handlers.wire.codec import Received
 from mav_handlers.wire.messages import STATUSTEXT, Message
 from viso.companion.odometry.encoding import CovarianceEncoding
 from viso.companion.sender import (
     COMPANION_HEARTBEAT,
-    HEARTBEAT_PERIOD_US,
-    MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY,
+    MavlinkSender,
     OffsetClock,
 )
 from viso.geometry.trajectory import Trajectory
@@ -128,45 +126,36 @@ class Player:
 
     def __init__(self, engine: RecordedEngine) -> None:
         self._engine = engine
-        self._codec = Codec(1, MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)
-        self._next_heartbeat_us = 0
+        self._mavlink = MavlinkSender()
         self._texts = TextPieces()
-        self.sent: Counter[str] = Counter()
+        self.sent = self._mavlink.sent
         self.heard = False
 
     def next_due_us(self) -> int | None:
         """Return when the next frame is due; None when the trajectory has been played."""
         due_us = self._engine.next_due_us()
-        return None if due_us is None else min(due_us, self._next_heartbeat_us)
+        return None if due_us is None else min(due_us, self._mavlink.heartbeat_us)
 
     def next_frames(self) -> list[Frame]:
         """Return the frames that are due next, all at one time; none when the trajectory has been played."""
         due_us = self.next_due_us()
         if due_us is None:
             return []
-        if due_us == self._next_heartbeat_us:
-            self._next_heartbeat_us += HEARTBEAT_PERIOD_US
-            return [Frame(due_us, self.heartbeat())]
-        return [Frame(due_us, self._encode(message)) for message in self._engine.report()]
+        messages = self._mavlink.heartbeats(due_us) or self._engine.report()
+        return [Frame(due_us, self._mavlink.encode(message)) for message in messages]
 
     def skip_heartbeats(self, until_us: int) -> None:
         """Leave out the heartbeats of ``next_frames`` before a time in us since the start."""
-        missed = max(0, -((self._next_heartbeat_us - until_us) // HEARTBEAT_PERIOD_US))
-        self._next_heartbeat_us += missed * HEARTBEAT_PERIOD_US
+        self._mavlink.skip_heartbeats(until_us)
 
     def heartbeat(self) -> bytes:
         """Return a heartbeat to be sent now, beside those of ``next_frames``."""
-        return self._encode(COMPANION_HEARTBEAT)
-
-    def _encode(self, message: Message) -> bytes:
-        self.sent[type(message).__name__] += 1
-        return self._codec.encode(message)
+        return self._mavlink.encode(COMPANION_HEARTBEAT)
 
     def receive_bytes(self, data: bytes) -> list[Text]:
         """Take in bytes from the vehicle and return the texts that are whole."""
-        self._codec.feed(data)
         texts = []
-        while (received := self._codec.next_received()) is not None:
+        for received in self._mavlink.received(data):
             self.heard |= isinstance(received, Received)
             if isinstance(received, Received) and isinstance(received.message, STATUSTEXT):
                 texts += self._texts.take(received.message)

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from mav_handlers.links.base import Link
-from mav_handlers.wire.codec import BadData, Codec, Received
+from mav_handlers.wire.codec import BadData, Received
 from mav_handlers.wire.messages import ODOMETRY, STATUSTEXT, TIMESYNC, Message
 from viso.companion.odometry.clock_sync import REQUEST_PERIOD_NS, ClockSync
 from viso.companion.odometry.inbound import FcInbound
-from viso.companion.sender import COMPANION_HEARTBEAT, HEARTBEAT_PERIOD_US
+from viso.companion.sender import MavlinkSender, next_due_us
 from viso.companion.vio.config import OdometryConfig
 
 MAV_COMP_ID_AUTOPILOT1: Final = 1
@@ -54,34 +54,32 @@ class OdometrySender:
         self._inbound = inbound
         self._stream_requests = tuple(stream_requests)
         self._period_us = round(1e6 / config.rate_hz)
-        self._codec = Codec(config.system_id, config.component_id)
-        self._next_heartbeat_us = self._next_request_us = self._next_odometry_us = start_us
-        self.counters: Counter[str] = Counter()
+        self._mavlink = MavlinkSender(config.system_id, config.component_id, start_us=start_us)
+        self._next_request_us = self._next_odometry_us = start_us
+        self.counters: Counter[str] = self._mavlink.sent
         self.texts: deque[STATUSTEXT] = deque(maxlen=TEXTS)
 
     def next_due_us(self) -> int:
         """Return when ``run`` has something to send next; what arrives before is taken in then."""
-        return min(self._next_heartbeat_us, self._next_request_us, self._next_odometry_us)
+        return min(self._mavlink.heartbeat_us, self._next_request_us, self._next_odometry_us)
 
     def run(self, now_us: int) -> None:
         """Take in what has arrived and send what is due; what a late call has missed is not made up for."""
         self._receive(now_us)
-        if self._next_heartbeat_us <= now_us:
-            self._next_heartbeat_us = _after(now_us, self._next_heartbeat_us, HEARTBEAT_PERIOD_US)
-            self.send(COMPANION_HEARTBEAT)
+        for heartbeat in self._mavlink.heartbeats(now_us):
+            self.send(heartbeat)
             if self._inbound.imu_silent(now_us * 1000):
                 for request in self._stream_requests:
                     self.send(request)
         if self._next_request_us <= now_us:
-            self._next_request_us = _after(now_us, self._next_request_us, REQUEST_PERIOD_US)
+            self._next_request_us = next_due_us(self._next_request_us, REQUEST_PERIOD_US, now_us)
             self.send(self._clock.request(now_us * 1000))
         if self._next_odometry_us <= now_us:
             self._send_odometry(now_us)
 
     def send(self, message: Message) -> None:
         """Send a message now."""
-        self._link.send(self._codec.encode(message))
-        self.counters[type(message).__name__] += 1
+        self._link.send(self._mavlink.encode(message))
 
     def _send_odometry(self, now_us: int) -> None:
         message = self._odometry(now_us)
@@ -90,12 +88,11 @@ class OdometrySender:
             self.send(message)
             if message.quality < 0:
                 period_us = LOST_PERIOD_US
-        self._next_odometry_us = _after(now_us, self._next_odometry_us, period_us)
+        self._next_odometry_us = next_due_us(self._next_odometry_us, period_us, now_us)
 
     def _receive(self, now_us: int) -> None:
         while data := self._link.receive():
-            self._codec.feed(data)
-            while (received := self._codec.next_received()) is not None:
+            for received in self._mavlink.received(data):
                 self._take(received, now_us * 1000)
 
     def _take(self, received: Received | BadData, arrival_ns: int) -> None:
@@ -103,7 +100,7 @@ class OdometrySender:
             self.counters["received_bad_data"] += 1
             return
         header, message = received.header, received.message
-        if (header.system_id, header.component_id) != (self._codec.system_id, MAV_COMP_ID_AUTOPILOT1):
+        if (header.system_id, header.component_id) != (self._mavlink.system_id, MAV_COMP_ID_AUTOPILOT1):
             self.counters["received_from_others"] += 1
         elif isinstance(message, TIMESYNC):
             answer = self._clock.take(message, arrival_ns)
@@ -113,8 +110,3 @@ class OdometrySender:
             self.texts.append(message)
         elif message is not None:
             self._inbound.take(message, arrival_ns)
-
-
-def _after(now_us: int, due_us: int, period_us: int) -> int:
-    """Return the first instant of a schedule after now."""
-    return due_us + ((now_us - due_us) // period_us + 1) * period_us

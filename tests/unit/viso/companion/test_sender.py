@@ -9,7 +9,7 @@ import pytest
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_LONG, HEARTBEAT, STATUSTEXT, VISION_SPEED_ESTIMATE, Message
-from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY, Companion
+from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY, Companion, MavlinkSender, command_long
 
 
 def speed_at(time_us: int) -> Message:
@@ -139,3 +139,27 @@ def test_noise_on_the_wire_is_passed_over() -> None:
     vehicle_end.send(b"\x00noise" + Codec(1, 1).encode(STATUSTEXT(6, "here")))
     companion.run(0)
     assert companion.received == [STATUSTEXT(6, "here")]
+
+
+def test_heartbeat_is_due_once_a_second_and_what_was_missed_is_left_out() -> None:
+    sender = MavlinkSender(start_us=500_000)
+    times_us = (0, 499_999, 500_000, 600_000, 1_500_000, 3_700_000, 4_499_999)
+    due = [now_us for now_us in times_us if sender.heartbeats(now_us)]
+    assert due == [500_000, 1_500_000, 3_700_000]
+    assert sender.heartbeat_us == 4_500_000
+
+
+@pytest.mark.parametrize(
+    ("until_us", "next_us"), [(0, 0), (1, 1_000_000), (1_000_000, 1_000_000), (1_000_001, 2_000_000)]
+)
+def test_heartbeats_are_left_out_up_to_a_time(until_us: int, next_us: int) -> None:
+    sender = MavlinkSender()
+    sender.skip_heartbeats(until_us)
+    assert sender.heartbeat_us == next_us
+
+
+def test_messages_are_counted_as_they_are_encoded() -> None:
+    sender = MavlinkSender()
+    for message in (*sender.heartbeats(0), command_long(400, 1.0), command_long(400, 0.0)):
+        sender.encode(message)
+    assert sender.sent == {"HEARTBEAT": 1, "COMMAND_LONG": 2}
