@@ -14,8 +14,8 @@ from rich.live import Live
 from rich.table import Column, Table
 
 from mav_handlers.links import Link, open_link
-from viso.companion.odometry.encoding import CovarianceEncoding
 from viso.companion.sender import OffsetClock
+from viso.companion.vio.config import CovarianceEncoding
 from viso.dds.poses import SCHEME, PoseTopic, live_topic_of
 from viso.errors import InputError, within
 from viso.geometry.frame_change import PRESETS, FrameChange, parse_rotation

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mav_handlers.wire.messages import Message
-from viso.companion.odometry.encoding import CovarianceEncoding
+from viso.companion.vio.config import CovarianceEncoding
 from viso.geometry.rotation import Array, so3_log
 from viso.geometry.trajectory import Pose, Trajectory
 from viso.geometry.trajectory_files import DAY_NS, FAR_OFF, NOT_LATER, TooFewRecords, TrajectoryError, usable

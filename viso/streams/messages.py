@@ -16,8 +16,14 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
-from viso.companion.odometry.encoding import UNKNOWN, CovarianceEncoding, encoded
-from viso.companion.odometry.message import MAV_ESTIMATOR_TYPE_VIO, MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
+from viso.companion.odometry.message import (
+    MAV_ESTIMATOR_TYPE_VIO,
+    MAV_FRAME_BODY_FRD,
+    MAV_FRAME_LOCAL_FRD,
+    UNKNOWN,
+    encoded,
+)
+from viso.companion.vio.config import CovarianceEncoding
 from viso.geometry.rotation import Array, euler_from_rotations, rotation_from_quat_wxyz, so3_log
 from viso.geometry.trajectory import Pose
 

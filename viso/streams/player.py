@@ -9,12 +9,12 @@ import numpy as np
 
 from mav_handlers.wire.codec import Received
 from mav_handlers.wire.messages import STATUSTEXT, Message
-from viso.companion.odometry.encoding import CovarianceEncoding
 from viso.companion.sender import (
     COMPANION_HEARTBEAT,
     MavlinkSender,
     OffsetClock,
 )
+from viso.companion.vio.config import CovarianceEncoding
 from viso.geometry.trajectory import Trajectory
 from viso.streams.messages import FORMS, Form, Report
 

@@ -31,7 +31,7 @@ from viso.companion.engine.protocol import (
     frame_of,
     nothing,
 )
-from viso.companion.klt.working_image import WorkingImages, shrink_factor
+from viso.companion.klt.front_end import WorkingImages, shrink_factor
 from viso.companion.msckf.window_filter import TOLD_SIGMAS, default_cov
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import VioConfig

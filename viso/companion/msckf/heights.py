@@ -7,10 +7,11 @@ import threading
 from collections import deque
 from typing import Final
 
-from viso.companion.msckf.aiding import height_nis, take_height
-from viso.companion.msckf.window_filter import WindowFilter
+import numpy as np
+
+from viso.companion.msckf.window_filter import ATT, POS, WindowFilter
 from viso.companion.vio.types import HeightMeasurement
-from viso.geometry.rotation import Array
+from viso.geometry.rotation import Array, skew
 
 MAX_AGE_NS: Final = 200_000_000
 SIGMA_SHARE: Final = 0.01  # of the height: no sigma is smaller
@@ -93,3 +94,28 @@ class Heights:
             while nearest is not None and self._heights.popleft() is not nearest:
                 pass
             return nearest
+
+
+def take_height(state: WindowFilter, up_m: float, sigma_m: float, gate: float) -> bool:
+    """Take in how high the body is in the world; say whether that can be.
+
+    Args:
+        up_m: z of the body in m.
+        gate: largest normalised innovation squared.
+    """
+    jacobian, residual = _height_equation(state, up_m)
+    if state.nis(jacobian, residual, sigma_m) > gate:
+        return False
+    state.update(jacobian, residual, sigma_m)
+    return True
+
+
+def height_nis(state: WindowFilter, up_m: float, sigma_m: float) -> float:
+    """Return the normalised innovation squared of a height, as :func:`take_height` has it."""
+    return state.nis(*_height_equation(state, up_m), sigma_m)
+
+
+def _height_equation(state: WindowFilter, up_m: float) -> tuple[Array, Array]:
+    jacobian = np.zeros((1, len(state.cov)))
+    jacobian[:, POS], jacobian[:, ATT] = [0.0, 0.0, 1.0], -skew(state.p)[2]
+    return jacobian, np.array([up_m - state.p[2]])

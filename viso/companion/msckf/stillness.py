@@ -1,15 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether the vehicle stands still, from inertial data and pictures."""
+"""Whether the vehicle stands still, from inertial data and pictures, and what a filter learns from that."""
 
+import math
 from collections import deque
 from typing import Final
 
 import numpy as np
 
 from viso.companion.klt.front_end import Sighting, common_points
+from viso.companion.msckf.window_filter import ATT, GYRO, VEL, WindowFilter
 from viso.companion.vio.types import ImuSample, ImuWindow
-from viso.geometry.rotation import Array
+from viso.geometry.rotation import Array, skew
 
 MAX_DISPARITY_PX: Final = 0.4
 MAX_GYRO_STD_RAD_S: Final = 0.02
@@ -19,6 +21,11 @@ START_SPAN_NS: Final = 500_000_000
 RENEWAL_NS: Final = 1_000_000_000
 _FEWEST_SAMPLES: Final = 10
 _FEWEST_POINTS: Final = 8
+
+STILL_VELOCITY_SIGMA_M_S: Final = 0.02
+STILL_GYRO_SIGMA_RAD_S: Final = 0.003
+
+_GATE: Final = 16.3  # of 3 degrees of freedom, 99.9 %
 
 
 class Stillness:
@@ -89,3 +96,24 @@ def level_rotation(accel: Array) -> Array:
         ahead = ahead - ahead.dot(up) * up
     ahead = ahead / np.linalg.norm(ahead)
     return np.stack([ahead, np.cross(up, ahead), up])
+
+
+def stand_still(state: WindowFilter, mean_gyro: Array, share: float = 1.0) -> bool:
+    """Take in that the body does not move, and that what its gyro shows is bias; say whether that can be.
+
+    A body at a great height may move without its camera seeing it.
+
+    Args:
+        mean_gyro: [3] in rad/s, FLU.
+        share: of the gyro's mean that is new, above 0; it counts for as much.
+    """
+    size = len(state.cov)
+    by_velocity = np.zeros((3, size))
+    by_velocity[:, VEL], by_velocity[:, ATT] = np.eye(3), -skew(state.v)
+    if state.nis(by_velocity, -state.v, STILL_VELOCITY_SIGMA_M_S) > _GATE:
+        return False
+    state.update(by_velocity, -state.v, STILL_VELOCITY_SIGMA_M_S)
+    by_bias = np.zeros((3, size))
+    by_bias[:, GYRO] = np.eye(3)
+    state.update(by_bias, mean_gyro - state.gyro_bias, STILL_GYRO_SIGMA_RAD_S / math.sqrt(share))
+    return True

@@ -3,7 +3,7 @@
 """From poses relative to keyframes to a pose in one local frame.
 
 The local frame L has z up and its origin in the first pose: with north as its alignment it is ENU, else x points along
-the first heading. It becomes NED or LOCAL_FRD at the edge only, see :mod:`viso.companion.odometry.encoding`.
+the first heading. It becomes NED or LOCAL_FRD at the edge only, see :mod:`viso.companion.odometry.message`.
 """
 
 import dataclasses

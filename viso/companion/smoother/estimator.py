@@ -14,10 +14,9 @@ from typing import Final
 import numpy as np
 
 from viso.companion.klt.front_end import Sighting
-from viso.companion.msckf.aiding import take_height
 from viso.companion.msckf.chain import Chain
 from viso.companion.msckf.estimator import WindowEstimator
-from viso.companion.msckf.heights import GATE
+from viso.companion.msckf.heights import GATE, take_height
 from viso.companion.msckf.multi_state import Below, Plane, TracksUsed, relief_of
 from viso.companion.msckf.tracks import padded
 from viso.companion.msckf.window_filter import Clone, WindowFilter

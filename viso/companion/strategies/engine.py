@@ -19,7 +19,7 @@ import numpy as np
 from viso.companion.engine.child import EXIT_S, EngineFailure
 from viso.companion.engine.protocol import Capability, Estimate, KeyframeUpdate, Status
 from viso.companion.engine.session import EngineSession, stated_covariance
-from viso.companion.klt.working_image import WorkingImages, shrink_factor
+from viso.companion.klt.front_end import WorkingImages, shrink_factor
 from viso.companion.msckf.heights import Heights
 from viso.companion.msckf.window_filter import sigma_of
 from viso.companion.strategies.at_rest import RestWatch

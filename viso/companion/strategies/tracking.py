@@ -12,13 +12,11 @@ import cv2
 import numpy as np
 import threadpoolctl
 
-from viso.companion.klt.front_end import FrontEnd, Keyframe, Sighting
-from viso.companion.klt.working_image import WorkingImages, shrink_factor
-from viso.companion.msckf.aiding import stand_still
+from viso.companion.klt.front_end import FrontEnd, Keyframe, Sighting, WorkingImages, shrink_factor
 from viso.companion.msckf.ground import Ground
 from viso.companion.msckf.heights import Heights
 from viso.companion.msckf.multi_state import Below, Plane
-from viso.companion.msckf.stillness import SPAN_NS, Stillness
+from viso.companion.msckf.stillness import SPAN_NS, Stillness, stand_still
 from viso.companion.msckf.window_filter import POS, TOLD_SIGMAS, VEL, WindowFilter, default_cov, invariant_cov, sigma_of
 from viso.companion.strategies.at_rest import state_at_rest, turn_of_camera
 from viso.companion.vio.calibration import scaled

@@ -17,7 +17,7 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     VISION_SPEED_ESTIMATE,
 )
-from viso.companion.odometry.encoding import CovarianceEncoding
+from viso.companion.vio.config import CovarianceEncoding
 from viso.geometry.rotation import quat_wxyz_from_rotation, so3_exp
 from viso.geometry.trajectory import Pose
 from viso.streams.messages import (

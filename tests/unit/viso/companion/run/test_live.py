@@ -28,8 +28,7 @@ from mav_handlers.wire.messages import (
 )
 from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
 from viso.companion.run import live as vio_live
-from viso.companion.run.feed import HandedFrames
-from viso.companion.run.live import LiveVio
+from viso.companion.run.live import HandedFrames, LiveVio
 from viso.companion.run.log import VioLog
 from viso.companion.sources.base import Recording, SourceError, SourceOptions
 from viso.companion.sources.camera import LiveCamera

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tests.unit.viso.companion.msckf.point_world import filter_at
-from viso.companion.msckf.aiding import STILL_GYRO_SIGMA_RAD_S, STILL_VELOCITY_SIGMA_M_S, stand_still, take_height
+from viso.companion.msckf.heights import take_height
+from viso.companion.msckf.stillness import STILL_GYRO_SIGMA_RAD_S, STILL_VELOCITY_SIGMA_M_S, stand_still
 from viso.companion.msckf.window_filter import ATT, GYRO, POS, VEL, WindowFilter, sigma_of
 from viso.geometry.pose import SE3
 from viso.geometry.rotation import Array, skew, so3_exp

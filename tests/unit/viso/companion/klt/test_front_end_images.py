@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.unit.viso.companion.klt.pictures import calibration, texture
-from viso.companion.klt.working_image import WorkingImages, shrink_factor
+from viso.companion.klt.front_end import WorkingImages, shrink_factor
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.types import Pixels
 from viso.geometry.rotation import Array

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tests.unit.viso.companion.vio.strategy_rig import make_calibration
-from viso.companion.run.feed import HandedFrames, RecordingFeed
+from viso.companion.run.live import HandedFrames, RecordingFeed
 from viso.companion.sources.base import Recording, make_frame
 from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent
 

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from viso.companion.vio.sensor_yaml import sensor_values
+from viso.companion.vio.calibration import sensor_values
 
 TEXT = """\
 %YAML:1.0

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mav_handlers.covariance import pose_errors
-from viso.companion.odometry.encoding import edge_covariance, encoded
+from viso.companion.odometry.message import edge_covariance, encoded
 from viso.companion.vio.config import CovarianceEncoding
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.geometry.pose import SE3
