@@ -122,7 +122,7 @@ def vio(
     console = err if as_json else out
     begins = "as the source says" if isinstance(source, Recording) and source.start else "once it stands still"
     console.print(f"{source_name}: {config.strategy}, camera {source.calibration.camera_id}; begins {begins}")
-    log, told = VioLog(config), dict[str, Any]()
+    log, sent = VioLog(config), dict[str, Any]()
     with ExitStack() as stack:
         logger = stack.enter_context(event_logger(events))
         stop = stack.enter_context(stop_on_signal())
@@ -135,15 +135,15 @@ def vio(
             stack.enter_context(shown)
         if is_paced:
             alignment = None if config_file is None else config.odometry.local_alignment
-            told = session.run_live(master, wait_s=wait, delay_s=delay, alignment=alignment, show=console.print)
+            sent = session.run_live(master, wait_s=wait, delay_s=delay, alignment=alignment, show=console.print)
         else:
             session.run_through()
-    summary = {"source": source_name, "strategy": config.strategy, **log.summary(truth), **told}
+    summary = {"source": source_name, "strategy": config.strategy, **log.summary(truth), **sent}
     if save_trajectory is not None:
         with write_text(save_trajectory) as file:
             file.writelines(f"{line}\n" for line in tum_lines(log.trajectory()))
     picture = None if plot is None else _save_plot(log, truth, _title(summary), plot, aligned=has_own_world)
-    _tell(console, summary, save_trajectory, picture, as_json=as_json)
+    _print(console, summary, save_trajectory, picture, as_json=as_json)
     if summary["ended"] == VioState.LOST.value:
         raise typer.Exit(_LOST)
 
@@ -163,7 +163,7 @@ def _save_plot(log: VioLog, truth: Trajectory | None, title: str, path: Path, *,
     return None
 
 
-def _tell(
+def _print(
     console: Console, summary: dict[str, Any], trajectory: Path | None, picture: Path | None, *, as_json: bool
 ) -> None:
     if as_json:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a visual-inertial odometry is given on the command line; all that is wrong with it is told in one line."""
+"""The inputs of ``viso vio``; each error is one line."""
 
 import logging
 from pathlib import Path
@@ -48,7 +48,7 @@ def configured(
     with told_errors(ConfigError):
         config = source.config if file is None else load_config(file)
     config = with_engine(config, strategy, engine)
-    # Built in vain, so that whatever is missing is told before anything is opened.
+    # Built once in advance, so that whatever is missing is reported before anything is opened.
     silent = logging.Logger("viso.trying", logging.CRITICAL + 1)
     with told_errors(ValueError, StrategyNotAvailableError):
         build_vio_strategy(config, source.calibration, lambda: 0, silent).close()

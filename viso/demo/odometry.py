@@ -31,7 +31,7 @@ COVERED_S: Final = ((20.0, 22.0), (25.0, 31.0))
 """When the lens is covered, in s since boot: once for short, once for too long."""
 
 RESTART_S: Final = 31.1
-"""When the odometry is told to restart, from what the autopilot knows, in s since boot."""
+"""When the odometry restarts from the autopilot's state, in s since boot."""
 
 ARM_S: Final = 9.5
 DISARM_S: Final = 44.5
@@ -82,7 +82,7 @@ class VioDemo:
         on_progress: Callable[[float], None] = lambda _time_s: None,
         stop: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Run to the end, or until told to stop, and close the log."""
+        """Run to the end, or until ``stop`` returns true, and close the log."""
         loop, companion = self.loop, self.loop.companion
         script = [
             (COMPANION_S, lambda: loop.command(RUN_PREARM_CHECKS)),

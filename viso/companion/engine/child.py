@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The process of an engine: started, spoken with by frames within a time, and never left behind.
+"""The process of an engine: started, sent frames, waited for within a time, and never left behind.
 
 It has a process group of its own, which is killed when the engine fails, is closed, is forgotten, or this program ends;
 where this program is killed, the engine's input ends. Pictures lie in memory without a name, which goes with the last
@@ -30,14 +30,14 @@ MOST_LINES: Final = 50
 """Of standard error in an exchange; more of them are counted only."""
 MOST_COLUMNS: Final = 300
 EXIT_S: Final = 0.2
-"""How long to wait for the exit code of one that closed its output, and for one that was told to end."""
+"""How long to wait for the exit code of one that closed its output, and for one whose input has ended."""
 
 
 class EngineFailure(Exception):
-    """An engine that cannot be spoken with any more; the text is one line.
+    """A program that has failed; the text is one line.
 
     Attributes:
-        kind: ``exits``, ``hangs``, ``protocol_errors`` or ``failures`` (which it told itself).
+        kind: ``exits``, ``hangs``, ``protocol_errors`` or ``failures`` (which it reported itself).
     """
 
     def __init__(self, kind: str, text: str) -> None:
@@ -95,7 +95,7 @@ class EngineChild:
         return self._lines.dropped
 
     def share(self, size: int) -> SharedMemory | None:
-        """Give the shared memory its size in bytes, once and for all; return what tells of it, None without any."""
+        """Give the shared memory its size in bytes, once and for all; return the message about it, None without any."""
         if self._memory_fd is None:
             return None
         os.ftruncate(self._memory_fd, size)
@@ -157,7 +157,7 @@ class EngineChild:
             with contextlib.suppress(BlockingIOError):
                 try:
                     return pending[os.write(self._stdin, pending) :]
-                except BrokenPipeError:  # why, the end of its output will tell, or its silence
+                except BrokenPipeError:  # its output ends soon, or it stays silent
                     return memoryview(b"")
         return pending
 
@@ -205,12 +205,12 @@ class _Lines:
     """Makes lines of standard error, no more than can be read."""
 
     def __init__(self, on_line: Callable[[str], object]) -> None:
-        self._on_line, self._rest, self._told = on_line, b"", 0
+        self._on_line, self._rest, self._logged = on_line, b"", 0
         self.is_open, self.last, self.dropped = True, "", 0
 
     def begin(self) -> None:
-        """Let lines be told again."""
-        self._told = 0
+        """Let lines be logged again."""
+        self._logged = 0
 
     def take(self, data: bytes) -> None:
         """Take bytes; none are the end."""
@@ -220,8 +220,8 @@ class _Lines:
         for line in lines:
             if text := _one_line(line[:MOST_COLUMNS]):
                 self.last = text
-                self._told += 1
-                if self._told > MOST_LINES:
+                self._logged += 1
+                if self._logged > MOST_LINES:
                     self.dropped += 1
                 else:
                     self._on_line(text)

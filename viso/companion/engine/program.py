@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The other side: a base for engines in Python that are programs, as ``viso_engine.hpp`` is for those in C++.
+"""A base for engines in Python that are programs, as ``viso_engine.hpp`` is for those in C++.
 
 ``raise SystemExit(run(MyEngine()))`` is such a program. What it prints goes into viso's log.
 """
@@ -47,7 +47,7 @@ _READ_BYTES: Final = 1 << 20
 
 
 class EngineProgram(ABC):
-    """An engine; whatever it raises ends the program, and viso tells why.
+    """An engine; whatever it raises ends the program, and viso logs it.
 
     Attributes:
         name: ASCII, at most 63 letters.
@@ -97,7 +97,7 @@ class EngineProgram(ABC):
         self._send(Log(level=level, text=text.encode()[:MOST_TEXT]))
 
     def update_keyframe(self, keyframe_id: int, world_T_keyframe: Array, *, is_loop_closure: bool) -> None:
-        """Tell a better pose [4, 4] of a keyframe, from within ``add_image``."""
+        """Send a better pose [4, 4] of a keyframe, from within ``add_image``."""
         self._send(
             KeyframeUpdate(
                 keyframe_id=keyframe_id,
@@ -125,7 +125,7 @@ class _Session:
         self._keyframe_id = 0
 
     def take(self, message: Message) -> None:
-        """Do what a message says."""
+        """Process a message."""
         engine = self._engine
         if isinstance(message, Setup):
             self._setup = message
@@ -161,10 +161,10 @@ class _Session:
             assert self._shared is not None
             data = self._shared[:size]
         pixels = np.frombuffer(data, np.uint8, size).reshape(image.height, image.width)
-        told = self._engine.add_image(image.t_ns, pixels, image.image_id)
+        answer = self._engine.add_image(image.t_ns, pixels, image.image_id)
         fields = nothing(Estimate) | {"innovation_ratio": 1.0, "t_ns": image.t_ns, "image_id": image.image_id}
-        if told is not None:
-            fields |= {"status": Status.TRACKING, "is_keyframe": not self._keyframe_id} | dict(told)
+        if answer is not None:
+            fields |= {"status": Status.TRACKING, "is_keyframe": not self._keyframe_id} | dict(answer)
             fields["keyframe_id"] = self._keyframe_id or image.image_id
             if fields["is_keyframe"] or not self._keyframe_id:
                 self._keyframe_id, fields["is_keyframe"] = image.image_id, True

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A session with an engine's program: what is told it at the start, and what it answers to an image."""
+"""A session with an engine's program: its set-up, its images, and the check of its answers."""
 
 import dataclasses
 import threading
@@ -32,7 +32,7 @@ from viso.companion.engine.protocol import (
     nothing,
 )
 from viso.companion.klt.front_end import WorkingImages, shrink_factor
-from viso.companion.msckf.window_filter import TOLD_SIGMAS, default_cov
+from viso.companion.msckf.window_filter import START_SIGMAS, default_cov
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import VioConfig
 from viso.companion.vio.frames import GRAVITY_MSS
@@ -48,7 +48,7 @@ MOST_KEYFRAMES: Final = 1000
 
 
 class EngineSession:
-    """An engine's program at work: it has said what it is, and was told what it works with.
+    """A session with a program that has introduced itself and is set up.
 
     Args:
         config: the configuration; ``engine`` has the times, ``native`` the options.
@@ -147,7 +147,7 @@ class EngineSession:
             self.child.put(image.tobytes())
         with self._lock:
             frames, self._queue = self._queue, []
-        told = Image(
+        message = Image(
             t_ns=t_ns,
             image_id=self._image_id,
             width=width,
@@ -156,7 +156,7 @@ class EngineSession:
             zero=0,
             pixels=b"" if self.shares else image.tobytes(),
         )
-        before, estimate = self.child.exchange([*frames, frame_of(told)], Estimate, self._timeout_s)
+        before, estimate = self.child.exchange([*frames, frame_of(message)], Estimate, self._timeout_s)
         try:
             self._check(estimate, t_ns)
             updates = [one for one in before if isinstance(one, KeyframeUpdate)]
@@ -284,5 +284,5 @@ def _reset(start: WarmStartPose | None) -> Reset:
         velocity_world=pose.R.dot(start.velocity_b),
         accel_bias=start.bias.accel,
         gyro_bias=start.bias.gyro,
-        covariance=default_cov(*TOLD_SIGMAS, pose.R) if start.covariance is None else start.covariance,
+        covariance=default_cov(*START_SIGMAS, pose.R) if start.covariance is None else start.covariance,
     )

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The front end as a whole: a picture in, tracked and checked points out."""
+"""The front end: a picture in, tracked and checked points out."""
 
 import uuid
 from dataclasses import dataclass
@@ -61,7 +61,7 @@ _ENOUGH: Final = 0.85  # of the most features: above it none are looked for
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """What was seen in a picture.
+    """The points in a picture.
 
     Attributes:
         ids: [N] of the points, kept for as long as they are tracked.
@@ -115,13 +115,13 @@ class FrontEnd:
         self._ids: Ids = np.zeros(0, np.int64)
         self._next_id = 0
 
-    def see(self, image: Pixels, rotation: Array, prior: Array | None = None) -> Sighting:
-        """Return what a picture shows.
+    def track(self, image: Pixels, rotation: Array, prior: Array | None = None) -> Sighting:
+        """Track the points into a picture; detect new ones where some are missing.
 
         Args:
             image: grey working image; it is kept until the next one.
             rotation: [3, 3] from the camera at the last picture to the camera now.
-            prior: [3, 3] map of directions that says where points are expected; the rotation if None.
+            prior: [3, 3] map of directions to where points are expected; the rotation if None.
         """
         before = len(self._ids)
         agreement = self._follow(image, rotation, rotation if prior is None else prior)

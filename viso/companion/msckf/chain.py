@@ -4,7 +4,7 @@
 
 Each link errs as the velocity and the bias err, which the next link shares: links added up as if they were independent
 claim too much. The filter knows better, as it keeps the pose that the chain began with: its covariance has what the
-links share. What it has learnt about a keyframe since that was told is not in the chain, and comes on top.
+links share. What it has learnt about a keyframe since that was the last one is not in the chain, and comes on top.
 """
 
 import numpy as np
@@ -18,25 +18,25 @@ class Chain:
 
     Args:
         origin: number of the frame whose pose the chain begins with; that has to stay in the filter's window.
-        keyframe: number of the frame that it is told from.
+        keyframe: number of its first keyframe.
     """
 
     def __init__(self, state: WindowFilter, origin: int, keyframe: int) -> None:
         self.origin = origin
         self._unlearnt: Array = np.zeros((CLONE, CLONE))  # of the keyframes before the last one
-        self._told = self._since(state, _columns(state, keyframe))  # of the last keyframe, when it was told
+        self._stated = self._since(state, _columns(state, keyframe))  # of the last keyframe, when it became that
 
     def covariance(self, state: WindowFilter, keyframe: int, number: int | None = None) -> Array:
         """Return the covariance [6, 6] of the pose now, right perturbation, as composed with the last keyframe's.
 
         Args:
-            keyframe: number of the frame that the pose is told from.
+            keyframe: number of the frame that the pose is relative to.
             number: of the frame now, if that is the next keyframe.
         """
         now = self._since(state, slice(POSE.start, POSE.stop))
-        unlearnt = self._unlearnt + _positive(self._told - self._since(state, _columns(state, keyframe)))
+        unlearnt = self._unlearnt + _positive(self._stated - self._since(state, _columns(state, keyframe)))
         if number is not None:
-            self._unlearnt, self._told = unlearnt, now
+            self._unlearnt, self._stated = unlearnt, now
         to_body = state.pose.inverse().adjoint()
         composed: Array = to_body.dot(now + unlearnt).dot(to_body.T)
         return 0.5 * (composed + composed.T)

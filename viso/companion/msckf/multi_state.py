@@ -213,7 +213,7 @@ def relief_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float | No
     """
     rotations, positions = _cameras(clones, B_T_C, tracks)
     points, good = triangulate(rotations, positions, tracks)
-    _, residual = seen_again(rotations, positions, tracks, points, good)
+    _, residual = reprojected(rotations, positions, tracks, points, good)
     count = tracks.seen.sum(axis=1)
     rays = points - positions[:, 0], points - positions[tracks.lasts()]
     lengths = [np.maximum(np.linalg.norm(ray, axis=1), 1e-6) for ray in rays]
@@ -244,7 +244,7 @@ def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, pl
     )
     local = np.einsum("tmji,tmj->tmi", rotations, points[:, None] - positions)
     good = good & ((local[..., 2] > 1e-3) | ~tracks.seen).all(axis=1)
-    depth, residual = seen_again(rotations, positions, tracks, points, good)
+    depth, residual = reprojected(rotations, positions, tracks, points, good)
     residual = residual / sigma
     by_point = _projection(local[..., :2] / depth[..., None], depth, rotations) / sigma
     equations = _by_poses(by_point, residual, points, tracks, len(state.clones))
@@ -260,7 +260,7 @@ def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, pl
     ).only(good)
 
 
-def seen_again(rotations: Array, positions: Array, tracks: Tracks, points: Array, good: Mask) -> tuple[Array, Array]:
+def reprojected(rotations: Array, positions: Array, tracks: Tracks, points: Array, good: Mask) -> tuple[Array, Array]:
     """Return the depths [T, M] of points, and how far [T, M, 2] they were seen from where they should be.
 
     Where there is no sighting, or a point is not good, these are infinite and 0.

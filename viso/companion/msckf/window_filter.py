@@ -325,8 +325,8 @@ def invariant_cov(cov: Array, R: Array, p: Array, v: Array) -> Array:
     return result
 
 
-TOLD_SIGMAS: Final = (0.03, 0.1, 0.3, 0.02, 0.2)
-"""Of tilt and yaw in rad, velocity in m/s, gyro bias in rad/s, accelerometer bias in m/s^2: of a state that is told
+START_SIGMAS: Final = (0.03, 0.1, 0.3, 0.02, 0.2)
+"""Of tilt and yaw in rad, velocity in m/s, gyro bias in rad/s, accelerometer bias in m/s^2: of a given state
 without a covariance."""
 
 

@@ -54,14 +54,14 @@ class OdometryComposer:
 
     Where a strategy has changed its mind about a keyframe, the poses follow: at once if that moves the keyframe by more
     than 0.5 m or 0.1 rad, else by a tenth of what is left with each output. The covariance stays what it was, as
-    nothing tells how much better the new place is known.
+    it is not known how much better the new place is known.
 
-    Where a strategy says how uncertain all of its relative poses are together, that is what counts; else they are taken
+    If a strategy states the covariance of all its relative poses together, that is used; else they are taken
     to err independently.
 
     Args:
         alignment: of the local frame; None for north if the heading is known at the first pose, else the first heading.
-        world_is_north: whether the strategy's world has an absolute yaw; else the autopilot's yaw has to tell.
+        world_is_north: whether the strategy's world has an absolute yaw; else the autopilot's yaw is needed.
         agl_scale_sigma: relative error of the scale, the same all the way, as a wrong height above ground makes it.
 
     Attributes:
@@ -96,7 +96,7 @@ class OdometryComposer:
         return self._keyframe is not None and self._keyframe.frame_id == keyframe_id
 
     def anchor(self, output: VioOutput, body_yaw_rad: float | None = None) -> bool:
-        """Make the local frame from the first output, and say whether that was possible.
+        """Make the local frame from the first output, and return whether that was possible.
 
         It is not while the frame is to be aligned to north and north is not known.
 
@@ -170,7 +170,7 @@ class OdometryComposer:
         return self.compose(output)
 
     def _refine(self, keyframe: _Keyframe, world_T_keyframe: SE3 | None) -> _Keyframe:
-        """Return a keyframe where it is told now by what has been learnt since it was told."""
+        """Return a keyframe where the strategy places it now."""
         if world_T_keyframe is not None:
             better = self._began @ _normalised(world_T_keyframe)
             self._to_blend = (keyframe.L_T_K.inverse() @ better).log()

@@ -96,7 +96,7 @@ class FcInbound:
         return self._imu_arrival_ns is None or now_ns - self._imu_arrival_ns > SOURCE_TIMEOUT_NS
 
     def take(self, message: Message, arrival_ns: int) -> None:
-        """Take a message that arrived at a time; those of no interest are left alone. Never raises on what it says."""
+        """Take a message that arrived at a time; those of no interest are left alone. Never raises on its contents."""
         name = type(message).__name__
         try:
             if isinstance(message, _Imu):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The companion as a MAVLink component that does odometry: when it sends what, and that it listens."""
+"""The companion as a MAVLink component that does odometry: its messages and their times."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ REQUEST_PERIOD_US: Final = REQUEST_PERIOD_NS // 1000
 
 
 class OdometrySender:
-    """Sends odometry at its rate, a heartbeat once a second and clock requests, and takes in what the autopilot says.
+    """Sends odometry at its rate, a heartbeat once a second and clock requests, and receives messages of the autopilot.
 
     Args:
         link: the wire to the autopilot.
@@ -34,7 +34,7 @@ class OdometrySender:
 
     Attributes:
         counters: how many messages of which kind were sent, and what was received in vain.
-        texts: the last that the autopilot has said.
+        texts: the last ones of the autopilot.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What there is to tell the autopilot, from what the strategy and the IMU have said so far."""
+"""The ODOMETRY message of any instant, from the results of frames and the inertial data so far."""
 
 import math
 from collections import Counter
@@ -35,14 +35,14 @@ class _Loss:
 
 
 class ResetCounter:
-    """Counts modulo 256 what the autopilot must not take for movement; starts at 0."""
+    """Counts resets of the pose modulo 256, for the message; starts at 0."""
 
     def __init__(self) -> None:
         self.value = 0
         self._started = False
 
     def start(self) -> None:
-        """Note an initialisation, static or by warm start; the first one is none of the autopilot's business."""
+        """Note an initialisation, static or by warm start; the first one is no reset."""
         if self._started:
             self.jump()
         self._started = True
@@ -70,9 +70,9 @@ class OdometrySource:
     """Makes the ODOMETRY message of any instant; for one thread that works on frames and one that serves the link.
 
     A strategy that restarts goes on from the last pose, or, with a warm start, from that one in the world that it
-    had. A camera that says nothing any more loses the pose just as one that sees nothing: after 1 s without an output
+    had. A camera without frames loses the pose just as one that sees nothing: after 1 s without an output
     the state counts as degraded, after 3 s as lost. It counts as degraded too while the sigma of the position that is
-    sent is above ``max_position_sigma_m``, which a strategy that knows no more than its last keyframe cannot tell.
+    sent is above ``max_position_sigma_m``, which a strategy that knows no more than its last keyframe cannot know.
 
     Args:
         config: of the odometry.
@@ -108,7 +108,7 @@ class OdometrySource:
         self._loss: _Loss | None = None
         self._initialising = True
         self._warm = False
-        self._jumps = 0  # of the composer that were told
+        self._jumps = 0  # of the composer, at the last output
 
     def take_imu(self, sample: ImuSample) -> None:
         """Carry the state on to an inertial sample."""
@@ -130,7 +130,7 @@ class OdometrySource:
                 self.counters[self._take_output(result)] += 1
 
     def message(self, now_us: int) -> ODOMETRY | None:
-        """Return the message to be sent at a time, or None if there is nothing to say."""
+        """Return the message to be sent at a time, or None if there is none."""
         with self._lock:
             frame, alignment, newest = self._frame, self._composer.alignment, self._propagator.state()
             if frame is None or alignment is None or newest is None:
@@ -168,7 +168,7 @@ class OdometrySource:
         return "frames"
 
     def _prepare(self, frame: Tracking | Degraded) -> bool:
-        """See to it that the output's keyframe has a place in the local frame; say whether it has."""
+        """Place the output's keyframe in the local frame; return whether that was possible."""
         composer, output, last = self._composer, frame.output, self._propagator.state()
         if last is None:
             return composer.anchor(output, self._yaw_at(frame.t_ns))

@@ -25,13 +25,13 @@ from viso.companion.vio.runtime import FrameSource, VioRuntime
 from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent
 
 
-class HandedFrames:
-    """Frames that somebody else hands over (FrameSource)."""
+class FrameMailbox:
+    """A source of frames that another thread puts in (FrameSource)."""
 
     def __init__(self) -> None:
         self._frames: queue.SimpleQueue[NavCameraFrame | None] = queue.SimpleQueue()
 
-    def hand(self, frame: NavCameraFrame | None) -> None:
+    def put(self, frame: NavCameraFrame | None) -> None:
         """Let ``read`` return a frame, or None for the end."""
         self._frames.put(frame)
 
@@ -45,7 +45,7 @@ class HandedFrames:
 
 
 class RecordingFeed:
-    """Hands over what a recording has, each at its time.
+    """Delivers the data of a recording, each at its time.
 
     An inertial sample is due at its stamp, and what follows it in the recording with it.
     """
@@ -55,7 +55,7 @@ class RecordingFeed:
         recording: Recording,
         take_imu: Callable[[ImuSample], object],
         take_height: Callable[[HeightMeasurement], object],
-        frames: HandedFrames,
+        frames: FrameMailbox,
     ) -> None:
         self._events = recording.events()
         self._take_imu, self._take_height, self._frames = take_imu, take_height, frames
@@ -76,25 +76,25 @@ class RecordingFeed:
         return self._next is None
 
     def next_due_ns(self) -> int | None:
-        """Return when there is something to hand over next, None before the beginning and at the end."""
+        """Return when the next data are due, None before the beginning and at the end."""
         if self._due_ns is None or self._next is None:
             return None
         if isinstance(self._next, ImuSample):
             self._due_ns = max(self._due_ns, self._next.t_ns + self._shift_ns)
         return self._due_ns
 
-    def hand_over(self, now_ns: int) -> None:
-        """Hand over what is due. Raises SourceError if the recording cannot be read on."""
+    def deliver(self, now_ns: int) -> None:
+        """Deliver what is due. Raises SourceError if the recording cannot be read on."""
         while self._next is not None and (due_ns := self.next_due_ns()) is not None and due_ns <= now_ns:
-            self._hand(self._next)
+            self._put(self._next)
             self._next = next(self._events, None)
 
-    def _hand(self, event: SensorEvent) -> None:
+    def _put(self, event: SensorEvent) -> None:
         t_ns = event.t_ns + self._shift_ns
         if isinstance(event, ImuSample):
             self._take_imu(dataclasses.replace(event, t_ns=t_ns))
         elif isinstance(event, NavCameraFrame):
-            self._frames.hand(dataclasses.replace(event, capture_timestamp=t_ns))
+            self._frames.put(dataclasses.replace(event, capture_timestamp=t_ns))
         else:
             self._take_height(dataclasses.replace(event, t_ns=t_ns))
 
@@ -119,9 +119,9 @@ class LiveVio:
 
     Args:
         source: of the data; with a camera, the IMU is that of the autopilot.
-        link: to the autopilot; None to tell nobody.
+        link: to the autopilot; None for none.
         alignment: of the local frame; None for north if the autopilot knows it at the first pose.
-        on_text: told of each text of the autopilot.
+        on_text: called with each text of the autopilot.
         now_ns: a monotonic clock.
 
     Raises:
@@ -142,14 +142,14 @@ class LiveVio:
         now_ns: Callable[[], int] = NOW_NS,
     ) -> None:
         self._config, self._log, self._link, self._on_text, self._now_ns = config, log, link, on_text, now_ns
-        self._sync, self._buffer, self._handed = ClockSync(), ImuBuffer(), HandedFrames()
+        self._sync, self._buffer, self._mailbox = ClockSync(), ImuBuffer(), FrameMailbox()
         self._feed: RecordingFeed | None = None
-        frames: FrameSource = self._handed
+        frames: FrameSource = self._mailbox
         on_imu: Callable[[ImuSample], object] = self.take_imu
         if isinstance(source, LiveCamera):
             frames, streams, is_north = source.open(now_ns), _CAMERA_STREAMS, False
         else:
-            self._feed = RecordingFeed(source, self.take_imu, self.take_height, self._handed)
+            self._feed = RecordingFeed(source, self.take_imu, self.take_height, self._mailbox)
             # A recording has an IMU of its own.
             on_imu, is_north = (lambda _sample: None), source.world_is_north
             streams = {} if is_north else _NORTH_STREAMS
@@ -187,7 +187,7 @@ class LiveVio:
         )
 
     def wait_for_vehicle(self, patience_s: float, stop: Callable[[], bool]) -> bool:
-        """Send heartbeats until something is heard; say whether it was before patience ended."""
+        """Send heartbeats until bytes come from the vehicle; return whether some came in time."""
         end_ns = self._now_ns() + round(patience_s * 1e9)
         while self._link is not None and not self._link.stats.bytes_in and not stop() and self._now_ns() < end_ns:
             self._step()
@@ -210,7 +210,7 @@ class LiveVio:
         with self._runtime:
             while not stop() and not self._is_over(end_ns):
                 self._step()
-            self._handed.hand(None)
+            self._mailbox.put(None)
             last_ns = self._now_ns() + round(LAST_FRAME_S * 1e9)
             while self._feed is not None and not stop() and not self._runtime.wait(0.0) and self._now_ns() < last_ns:
                 self._step()
@@ -243,7 +243,7 @@ class LiveVio:
         now_ns = self._now_ns()
         due_ns = [now_ns + round(LONGEST_WAIT_S * 1e9)]
         if self._feed is not None:
-            self._feed.hand_over(now_ns)
+            self._feed.deliver(now_ns)
             due_ns.append(self._feed.next_due_ns() or due_ns[0])
         if self._sender is not None:
             self._sender.run(now_ns // 1000)

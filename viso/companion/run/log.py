@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a visual-inertial odometry said about each frame, and what comes out of it in the end."""
+"""The log of a run: the result of each frame, and the figures of all."""
 
 import math
 from collections import Counter
@@ -51,7 +51,7 @@ class LoggedFrame:
 
 
 class VioLog:
-    """Remembers all frames; a listener of the pipeline.
+    """Keeps all frames; a listener of the pipeline.
 
     Attributes:
         shift_ns: what was added to the source's stamps; it is taken off again.

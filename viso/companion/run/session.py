@@ -66,7 +66,7 @@ class VioSession:
         alignment: LocalAlignment | None,
         show: Callable[[str], None],
     ) -> dict[str, Any]:
-        """Work in real time; return what was sent to the vehicle and what it said.
+        """Run in real time; return the messages that were sent and the texts of the vehicle.
 
         Args:
             master: name of the link to it; None for no vehicle.
@@ -92,16 +92,16 @@ class VioSession:
             if link is not None and wait_s and not vio.wait_for_vehicle(wait_s, self.stop) and not self.stop():
                 vio.close()
                 why = f": {link.stats.unreached}" if link.stats.unreached else ""
-                told = f"no vehicle heard within {wait_s:g} s{why} (--wait 0 sends unheard)"
-                raise InputError(f"--master {master}: {told}")
+                reason = f"no vehicle heard within {wait_s:g} s{why} (--wait 0 sends unheard)"
+                raise InputError(f"--master {master}: {reason}")
             before = None if link is None else link.stats
             vio.run(self.stop, delay_s=delay_s, until_s=self.until_s)
             if link is not None and before is not None:
-                _tell_losses(link.name, before, link.stats, show)
+                _show_losses(link.name, before, link.stats, show)
         if link is None:
             return {}
-        said = [{"severity": text.severity, "text": printable(text.text)} for text in texts]
-        return {"sent": vio.sent(), "texts": said}
+        received = [{"severity": text.severity, "text": printable(text.text)} for text in texts]
+        return {"sent": vio.sent(), "texts": received}
 
     def _source(self) -> Recording | LiveCamera:
         """Return the source as far as it is wanted."""
@@ -134,7 +134,7 @@ def event_logger(path: Path | None) -> Iterator[logging.Logger]:
     with write_text(path, growing=True) as file:
         handler = logging.StreamHandler(file)
         handler.setFormatter(JsonFormatter(NOW_NS))
-        handler.handleError = lambda record: None  # type: ignore[method-assign]  # closing the file tells
+        handler.handleError = lambda record: None  # type: ignore[method-assign]  # closing the file shows it
         logger.addHandler(handler)
         yield logger
 
@@ -144,7 +144,7 @@ def printable(text: str) -> str:
     return "".join(character if character.isprintable() else "?" for character in text)
 
 
-def _tell_losses(name: str, before: LinkStats, after: LinkStats, show: Callable[[str], None]) -> None:
+def _show_losses(name: str, before: LinkStats, after: LinkStats, show: Callable[[str], None]) -> None:
     if after.bytes_dropped > before.bytes_dropped:  # a heartbeat may have been ahead of the connection
         reasons = ", ".join(after.drop_reasons)
         lost = after.bytes_dropped - before.bytes_dropped

@@ -35,7 +35,7 @@ from viso.geometry.rotation import Array
 AUTOPILOT_STREAMS_HZ: Final = MappingProxyType({"ATTITUDE_QUATERNION": 20.0, "LOCAL_POSITION_NED": 20.0})
 MAX_POSITION_AGE_NS: Final = 200_000_000
 AUTOPILOT_COVARIANCE: Final = np.diag(np.repeat([0.02, 0.02, 0.03, 1e-3, 0.2, 0.02, 0.2], (1, 1, 1, 3, 3, 3, 3)) ** 2)
-"""Of what the autopilot says, as a warm start has it; the place is certain, as it is the one to go on from."""
+"""Of a warm start from the autopilot's state; the position is exact, because the odometry continues from it."""
 
 _NS_PER_US: Final = 1000
 
@@ -44,7 +44,7 @@ Start = Callable[[int], WarmStartPose | None]
 
 
 class AutopilotState(FcInbound):
-    """What the autopilot says about its state, as one to start from.
+    """The autopilot's state, as one to start from.
 
     Args:
         origin_w: where the autopilot's origin is in the strategy's world, m, ENU.
@@ -74,22 +74,22 @@ class AutopilotState(FcInbound):
     def _motion_at(self, t_ns: int) -> tuple[Array, Array] | None:
         if self._place is None:
             return self._origin_w, np.zeros(3)
-        told_ns, at = self._place
-        if abs(t_ns - told_ns) > MAX_POSITION_AGE_NS:
+        position_ns, at = self._place
+        if abs(t_ns - position_ns) > MAX_POSITION_AGE_NS:
             return None
         velocity = ENU_TO_NED.T.dot([at.vx, at.vy, at.vz])
-        since_s = (t_ns - told_ns) * 1e-9
+        since_s = (t_ns - position_ns) * 1e-9
         return self._origin_w + ENU_TO_NED.T.dot([at.x, at.y, at.z]) + velocity * since_s, velocity
 
 
 class VirtualCompanion:
     """A companion computer that flies along: camera, inertial sensor and range finder, strategy, odometry, sender.
 
-    It starts from what the autopilot says of attitude and place, in a world whose north is the autopilot's. Nothing in
-    it waits or reads a clock: ``run`` is told the time.
+    It starts from the autopilot's attitude and position, in a world whose north is the autopilot's. Nothing in
+    it waits or reads a clock: ``run`` gets the time.
 
     Args:
-        flight: what the sensors tell, and when; its clock is the companion's.
+        flight: the data of the sensors; its clock is the companion's.
 
     Attributes:
         alter_frame: may be set to what is done to each frame before anybody sees it.

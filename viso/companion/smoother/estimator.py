@@ -21,7 +21,7 @@ from viso.companion.msckf.multi_state import Below, Plane, TracksUsed, relief_of
 from viso.companion.msckf.tracks import padded
 from viso.companion.msckf.window_filter import Clone, WindowFilter
 from viso.companion.smoother.belief import adopt, correction_nis, motion_of, smoother_cov
-from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Seen, SmootherError, preintegrated
+from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, LandmarkSighting, SmootherError, preintegrated
 from viso.companion.smoother.landmarks import MAX_ERROR_SIGMAS, MIN_PARALLAX_RAD, LandmarkBook
 from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.imu import bracketed
@@ -269,7 +269,7 @@ class SmootherEstimator:
         self._since: list[ImuSample] = []
         self._since_bias = self.state.bias
 
-    def _judge(self, smoother: LagSmoother, seen: list[Seen]) -> NodeFacts:
+    def _judge(self, smoother: LagSmoother, seen: list[LandmarkSighting]) -> NodeFacts:
         """Compare landmarks with where they should be seen now, and forget those that are elsewhere."""
         if not seen:
             return NodeFacts()

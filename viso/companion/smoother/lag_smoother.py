@@ -57,7 +57,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class LandmarkSighting:
     """A sighting of a landmark.
 
     Attributes:
@@ -133,7 +133,7 @@ class LagSmoother:
         noise = gtsam.noiseModel.Isotropic.Sigma(3, LANDMARK_SIGMA_M)
         self._graph.add(gtsam.PriorFactorPoint3(L(landmark), position, noise))
 
-    def add_sightings(self, sightings: Iterable[Seen], sigma: float) -> None:
+    def add_sightings(self, sightings: Iterable[LandmarkSighting], sigma: float) -> None:
         """Add what was seen.
 
         Args:

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from viso.companion.klt.front_end import Sighting
-from viso.companion.msckf.multi_state import seen_again
+from viso.companion.msckf.multi_state import reprojected
 from viso.companion.msckf.tracks import MOST_TRACKS, Tracks, padded
 from viso.companion.msckf.triangulation import Mask, directions_of, triangulate
-from viso.companion.smoother.lag_smoother import Seen
+from viso.companion.smoother.lag_smoother import LandmarkSighting
 from viso.geometry.pose import SE3
 from viso.geometry.rotation import Array
 
@@ -40,7 +40,7 @@ class NewLandmark:
 
     landmark: int
     position: Array
-    sightings: tuple[Seen, ...]
+    sightings: tuple[LandmarkSighting, ...]
 
 
 class LandmarkBook:
@@ -67,14 +67,14 @@ class LandmarkBook:
         self._tracks.clear()
         self._landmarks.clear()
 
-    def note(self, number: int, sighting: Sighting) -> list[Seen]:
+    def note(self, number: int, sighting: Sighting) -> list[LandmarkSighting]:
         """Note what a node shows; return the sightings of landmarks. Points that it does not show are gone for good."""
         before, self._tracks = self._tracks, {}
         seen = []
         for point, (u, v) in zip(sighting.ids.tolist(), sighting.normalised.tolist(), strict=True):
             self._tracks[point] = before.get(point, {}) | {number: (u, v)}
             if point in self._landmarks:
-                seen.append(Seen(number, self._landmarks[point], np.array([u, v])))
+                seen.append(LandmarkSighting(number, self._landmarks[point], np.array([u, v])))
         self._landmarks = {point: number for point, number in self._landmarks.items() if point in self._tracks}
         return seen
 
@@ -138,7 +138,7 @@ class LandmarkBook:
     def _positions(self, seen: "_Sightings") -> tuple[Array, Mask]:
         rotations, places, tracks = seen.rotations, seen.places, seen.tracks
         points, good = triangulate(rotations, places, tracks)
-        depth, residual = seen_again(rotations, places, tracks, points, good)
+        depth, residual = reprojected(rotations, places, tracks, points, good)
         close = np.linalg.norm(residual, axis=-1).max(axis=1) < MAX_ERROR_SIGMAS * self._sigma
         ahead = (depth > _MIN_DEPTH_M).all(axis=1)
         return points, good & ahead & close & (seen.parallax_rad() >= MIN_PARALLAX_RAD)
@@ -146,7 +146,7 @@ class LandmarkBook:
     def _new(self, point: int, position: Array, track: _Track) -> NewLandmark:
         self._next += 1
         self._landmarks[point] = self._next
-        sightings = tuple(Seen(number, self._next, np.array(seen)) for number, seen in track.items())
+        sightings = tuple(LandmarkSighting(number, self._next, np.array(seen)) for number, seen in track.items())
         return NewLandmark(self._next, position, sightings)
 
 

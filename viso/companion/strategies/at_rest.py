@@ -37,7 +37,7 @@ def turn_of_camera(window: ImuWindow, noise: ImuNoise, B_R_C: Array) -> Array:
 
 
 class RestWatch:
-    """Watches whether a body stands still, for an engine that cannot begin without motion.
+    """Detects that a body stands still, for an engine that cannot begin without motion.
 
     Args:
         calibration: of the working image.
@@ -48,7 +48,7 @@ class RestWatch:
         self._stillness = Stillness(self._front.focal_px)
         self._noise, self._B_R_C = config.imu_noise, calibration.B_T_C.R
 
-    def see(self, image: Pixels, window: ImuWindow) -> WarmStartPose | None:
-        """Take in a working image and the inertial data before it; return the state if all has been still for 0.5 s."""
-        self._stillness.note(window, self._front.see(image, turn_of_camera(window, self._noise, self._B_R_C)))
+    def update(self, image: Pixels, window: ImuWindow) -> WarmStartPose | None:
+        """Process a working image and the inertial data before it; return the state after 0.5 s at rest, else None."""
+        self._stillness.note(window, self._front.track(image, turn_of_camera(window, self._noise, self._B_R_C)))
         return state_at_rest(self._stillness) if self._stillness.is_start() else None

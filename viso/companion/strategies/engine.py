@@ -56,7 +56,7 @@ ENOUGH_SAMPLES: Final = 10  # for a median that a gap does not move
 PATIENCE_NS: Final = 10_000_000_000  # how long an engine may take to begin with the state that it got
 SCALE_KNOWN: Final = 0.05  # share of the distance that may be uncertain
 _LEAST_AGE_S: Final = 0.05  # of a keyframe, for a covariance that is not singular
-_LEAST_VELOCITY_S: Final = 0.2  # of a motion that tells how well the velocity is known
+_LEAST_VELOCITY_S: Final = 0.2  # of a motion that shows how well the velocity is known
 _GRAVITY: Final = np.array([0.0, 0.0, -GRAVITY_MSS])
 
 
@@ -219,7 +219,7 @@ class EngineStrategy(StrategyBase):
         return session
 
     def _give_up(self, error: EngineFailure, t_ns: int) -> Result:
-        """End a program that has failed; say when the next one may start."""
+        """End a program that has failed, and set the time of the next start."""
         self._stop(grace_s=0)
         self._counters[error.kind] += 1
         self._failures += 1
@@ -286,7 +286,7 @@ class EngineStrategy(StrategyBase):
     def _start_at_rest(self, session: EngineSession, image: Pixels, window: ImuWindow) -> None:
         """Give an engine that needs motion its state as soon as the body has stood still."""
         with self.stage("rest"):
-            start = self._rest.see(image, window)
+            start = self._rest.update(image, window)
         if start is not None and (self._given_ns is None or window.end_t_ns - self._given_ns > PATIENCE_NS):
             session.reset(start)
             self._given_ns, self._last_sample_ns = window.end_t_ns, None
@@ -308,7 +308,7 @@ class EngineStrategy(StrategyBase):
         return window_fault(window, self._period_ns)
 
     def _take_covariance(self, window: ImuWindow, age_s: float, estimate: Estimate) -> bool:
-        """Keep the engine's covariance if it is sound, else let the last one grow; say which."""
+        """Keep the engine's covariance if it is sound, else let the last one grow; return whether it was sound."""
         covariance = stated_covariance(estimate)
         self._has_covariance = covariance is not None
         if covariance is None:

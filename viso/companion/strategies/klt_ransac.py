@@ -8,7 +8,7 @@ from viso.companion.msckf.chain import Chain
 from viso.companion.msckf.estimator import WindowEstimator
 from viso.companion.msckf.multi_state import TracksUsed
 from viso.companion.msckf.window_filter import WindowFilter
-from viso.companion.strategies.tracking import Seen, TrackingStrategy
+from viso.companion.strategies.tracking import TrackedFrame, TrackingStrategy
 from viso.companion.vio.config import AglSource, Scene
 from viso.companion.vio.result import Result
 from viso.companion.vio.types import VioState, WarmStartPose
@@ -39,27 +39,27 @@ class KltRansac(TrackingStrategy):
             2 if config.scene is Scene.PLANAR else 3,
         )
 
-    def _update(self, seen: Seen) -> Result:
+    def _update(self, tracked: TrackedFrame) -> Result:
         assert self._estimator is not None
         estimator, state = self._estimator, self._estimator.state
-        keyframe, t_ns, since = self._keyframe, seen.window.end_t_ns, None
+        keyframe, t_ns, since = self._keyframe, tracked.window.end_t_ns, None
         with self.stage("filter"):
             self._number += 1
-            rests = keyframe is not None and self._takes_rest(state, t_ns - seen.window.start_t_ns)
-            is_due = seen.sighting.model is not None and t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
-            is_cloned = keyframe is None or (is_due and not rests)
-            if not rests:
-                estimator.compare(seen.sighting)
-            used = self._add_frame(estimator, seen) if is_cloned else TracksUsed()
+            is_at_rest = keyframe is not None and self._update_at_rest(state, t_ns - tracked.window.start_t_ns)
+            is_due = tracked.sighting.model is not None and t_ns - self._cloned_ns >= MIN_CLONE_INTERVAL_NS
+            is_cloned = keyframe is None or (is_due and not is_at_rest)
+            if not is_at_rest:
+                estimator.compare(tracked.sighting)
+            used = self._add_frame(estimator, tracked) if is_cloned else TracksUsed()
             if self.context.config.agl_source is not AglSource.NONE and not self._ground.is_rough:
                 self._ground.note_relief(self.heights.use(state, t_ns, self._ground.z_m))
-            reference, is_keyframe = self._keyframe_of(seen, state, must=False, may=is_cloned)
+            reference, is_keyframe = self._keyframe_of(tracked, state, must=False, may=is_cloned)
             if self.health.state is VioState.INIT:
                 estimator.chain = Chain(state, state.clones[-1].number, reference.number)
             if estimator.chain is not None:
                 since = estimator.chain.covariance(state, reference.number, self._number if is_keyframe else None)
         return self._answer(
-            seen,
+            tracked,
             state,
             reference,
             is_keyframe=is_keyframe,
@@ -71,12 +71,12 @@ class KltRansac(TrackingStrategy):
             start_covariance_6x6=since,
         )
 
-    def _add_frame(self, estimator: WindowEstimator, seen: Seen) -> TracksUsed:
-        plane = self._ground_below(estimator.state, seen.window.end_t_ns)
+    def _add_frame(self, estimator: WindowEstimator, tracked: TrackedFrame) -> TracksUsed:
+        plane = self._ground_below(estimator.state, tracked.window.end_t_ns)
         keep = None if self._keyframe is None else self._keyframe.number
         depth_m = self._ground.depth_guess_m(estimator.state)
-        used = estimator.add_frame(self._number, seen.sighting, plane, keep, depth_m)
-        self._cloned_ns = seen.window.end_t_ns
+        used = estimator.add_frame(self._number, tracked.sighting, plane, keep, depth_m)
+        self._cloned_ns = tracked.window.end_t_ns
         self._watch_ground(plane, estimator.relief_share)
         if used.used:
             self._used = used

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What strategies that follow points have in common: all but the estimator. Needs the extra vio."""
+"""The base of strategies that track points: everything but the estimator. Needs the extra vio."""
 
 import abc
 import math
@@ -17,7 +17,15 @@ from viso.companion.msckf.ground import Ground
 from viso.companion.msckf.heights import Heights
 from viso.companion.msckf.multi_state import Below, Plane
 from viso.companion.msckf.stillness import SPAN_NS, Stillness, stand_still
-from viso.companion.msckf.window_filter import POS, TOLD_SIGMAS, VEL, WindowFilter, default_cov, invariant_cov, sigma_of
+from viso.companion.msckf.window_filter import (
+    POS,
+    START_SIGMAS,
+    VEL,
+    WindowFilter,
+    default_cov,
+    invariant_cov,
+    sigma_of,
+)
 from viso.companion.strategies.at_rest import state_at_rest, turn_of_camera
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, Scene
@@ -36,14 +44,14 @@ from viso.companion.vio.types import (
 from viso.geometry.pose import SE3, sound_covariance
 from viso.geometry.rotation import Array
 
-LEAST_VARIANCE_M2: Final = 1e-6  # of a position that is told
+LEAST_VARIANCE_M2: Final = 1e-6  # of the position in an output
 _LEAST_COV: Final = np.diag([0.0] * 3 + [LEAST_VARIANCE_M2] * 3)
 
 _UNKNOWN_HEIGHT_M: Final = 100.0
 
 
 class Estimator(Protocol):
-    """What a strategy estimates the motion with.
+    """The estimator of a strategy.
 
     Attributes:
         state: the motion; its world has its origin where the estimator began.
@@ -53,17 +61,17 @@ class Estimator(Protocol):
     def state(self) -> WindowFilter: ...
 
     def propagate(self, window: ImuWindow) -> None:
-        """Move on by inertial data or, where there are none, as the body moved last."""
+        """Propagate the state by inertial data or, where there are none, as the body moved last."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
-    """A frame, and what was found out about it before the estimator gets it.
+class TrackedFrame:
+    """A frame as the estimator gets it: with its inertial data, and the points that were tracked to it.
 
     Attributes:
         window: the inertial data since the frame before.
         imu_fault: what is wrong with the inertial data, or None.
-        begins: whether the state was found with this frame, standing still.
+        begins: whether the state was found with this frame, at rest.
     """
 
     frame: NavCameraFrame
@@ -98,7 +106,7 @@ class TrackingStrategy(StrategyBase):
         """Return an estimator that begins with a state."""
 
     @abc.abstractmethod
-    def _update(self, seen: Seen) -> Result:
+    def _update(self, tracked: TrackedFrame) -> Result:
         """Give a frame to the estimator, which has moved on to it; return what ``_answer`` returns."""
 
     def _reset(self, start: WarmStartPose | None) -> None:
@@ -111,14 +119,14 @@ class TrackingStrategy(StrategyBase):
         self._number = 0  # of the last frame whose pose the estimator may have
         if start is not None:
             world_T_body = start.body_T_world.inverse()
-            cov = default_cov(*TOLD_SIGMAS, world_T_body.R) if start.covariance is None else start.covariance
+            cov = default_cov(*START_SIGMAS, world_T_body.R) if start.covariance is None else start.covariance
             self._begin(world_T_body, world_T_body.R.dot(start.velocity_b), start.bias, cov)
 
     def _begin_at_rest(self) -> None:
         start = state_at_rest(self._stillness)
         assert start.covariance is not None
         cov = start.covariance.copy()
-        if self.context.config.agl_source is not AglSource.NONE:  # it will tell
+        if self.context.config.agl_source is not AglSource.NONE:  # the height comes from there
             cov[5, 5] = _UNKNOWN_HEIGHT_M**2
         self._begin(start.body_T_world.inverse(), start.velocity_b, start.bias, cov)
 
@@ -137,7 +145,7 @@ class TrackingStrategy(StrategyBase):
         with self.stage("propagate"):
             rotation, prior = self._move(imu_window)
         with self.stage("track"):
-            sighting = self._front.see(image, rotation, prior)
+            sighting = self._front.track(image, rotation, prior)
         self._stillness.note(imu_window, sighting)
         self._ground.note(sighting.model)
         begins = self._estimator is None and self._stillness.is_start()
@@ -148,10 +156,10 @@ class TrackingStrategy(StrategyBase):
         state = self._estimator.state
         if self._ground.is_rough and math.sqrt(state.cov[5, 5]) > 0.5 * _UNKNOWN_HEIGHT_M:  # hills are not that high
             self.heights.use(state, imu_window.end_t_ns, self._ground.z_m)
-        return self._update(Seen(frame, imu_window, sighting, fault, begins))
+        return self._update(TrackedFrame(frame, imu_window, sighting, fault, begins))
 
     def _ground_below(self, state: WindowFilter, t_ns: int) -> Plane | Below | None:
-        """Return what is known about the ground."""
+        """Return the ground plane or the height above it; None if neither is known."""
         if not self._ground.is_rough:
             return self._ground.plane(state.pose @ self._B_T_C)
         taken = self.heights.take(t_ns, 0.0, state.v)
@@ -161,29 +169,31 @@ class TrackingStrategy(StrategyBase):
         return Below(*taken)
 
     def _watch_ground(self, plane: Plane | Below | None, relief_share: Callable[[], float | None]) -> None:
-        """Look at how much the points differ in height, if that matters."""
+        """Measure how much the points differ in height, if that matters."""
         if self._ground.is_rough or plane is not None:
             self._ground.note_relief(relief_share())
             self._front.planar = self.context.config.scene is Scene.PLANAR and not self._ground.is_rough
 
-    def _takes_rest(self, state: WindowFilter, span_ns: int) -> bool:
-        """Take in that nothing has moved for a while, if that is so; say whether."""
+    def _update_at_rest(self, state: WindowFilter, span_ns: int) -> bool:
+        """Update the filter with standing still, if nothing has moved for a while; return whether it did."""
         # Inertial data count once, though each frame looks back over the same span.
         share = min(1.0, span_ns / SPAN_NS)
         return self._stillness.is_still() and stand_still(state, self._stillness.means()[0], share)
 
-    def _keyframe_of(self, seen: Seen, state: WindowFilter, *, must: bool, may: bool) -> tuple[Keyframe, bool]:
+    def _keyframe_of(
+        self, tracked: TrackedFrame, state: WindowFilter, *, must: bool, may: bool
+    ) -> tuple[Keyframe, bool]:
         """Return the keyframe that a frame refers to, and whether the frame has become the next one.
 
         Args:
             must: whether it has to become one.
             may: whether it does where the last one is outdated.
         """
-        last, t_ns, rotation = self._keyframe, seen.window.end_t_ns, state.R.dot(self._B_T_C.R)
-        sighting = seen.sighting
+        last, t_ns, rotation = self._keyframe, tracked.window.end_t_ns, state.R.dot(self._B_T_C.R)
+        sighting = tracked.sighting
         is_next = must or last is None or (may and last.is_outdated(t_ns, rotation, sighting, self._front.focal_px))
         if is_next:
-            self._keyframe = Keyframe(seen.frame.frame_id, self._number, t_ns, rotation, sighting)
+            self._keyframe = Keyframe(tracked.frame.frame_id, self._number, t_ns, rotation, sighting)
         reference = last or self._keyframe
         assert reference is not None  # the first frame is one
         return reference, is_next
@@ -201,7 +211,7 @@ class TrackingStrategy(StrategyBase):
 
     def _answer(
         self,
-        seen: Seen,
+        tracked: TrackedFrame,
         state: WindowFilter,
         reference: Keyframe,
         *,
@@ -230,10 +240,10 @@ class TrackingStrategy(StrategyBase):
         """
         if not state.is_finite():
             return self._conclude(FrameFacts(0, 0.0, 0.0, bias_norm=math.nan, is_finite=False), None)
-        sighting = seen.sighting
+        sighting = tracked.sighting
         relative, spread = state.relative_to(reference.number)
         cov = sound_covariance(spread + _LEAST_COV)
-        age_s = (seen.window.end_t_ns - reference.t_ns) * 1e-9
+        age_s = (tracked.window.end_t_ns - reference.t_ns) * 1e-9
         growth = None
         if depth_m is not None and age_s > 0:
             growth = Growth(float(spread[3:, 3:].trace()), age_s, depth_m)
@@ -244,14 +254,14 @@ class TrackingStrategy(StrategyBase):
             growth=growth,
             innovation_ratio=innovation_ratio,
             bias_norm=state.bias.norm(),
-            imu_fault=seen.imu_fault,
+            imu_fault=tracked.imu_fault,
             has_model=sighting.model is not None,
             innovation_refused=is_refused,
             is_finite=cov is not None and not has_failed,
             position_sigma_m=sigma_of(state.cov[POS, POS][:2, :2]),
             velocity_sigma_m_s=sigma_of(state.cov[VEL, VEL]),
             scale_unobserved=leaves_scale_open,
-            initialised=seen.begins,
+            initialised=tracked.begins,
         )
         if cov is None:
             return self._conclude(facts, None)
@@ -265,7 +275,7 @@ class TrackingStrategy(StrategyBase):
             sighting.coverage,
         )
         output = VioOutput(
-            frame_id=seen.frame.frame_id,
+            frame_id=tracked.frame.frame_id,
             relative_pose_T=relative,
             pose_covariance_6x6=cov,
             imu_bias=state.bias,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A strategy on trial: sensor data go in as they would in flight, and it is told what comes out.
+"""Runs a strategy over all data of a source, as they would come in flight.
 
 Nothing here reads a clock: unless one is given, time is that of the newest data, and the same data give the same trial.
 """

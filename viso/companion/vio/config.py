@@ -17,7 +17,7 @@ from viso.documents import parsed_toml
 _T = TypeVar("_T")
 
 Scalar = bool | int | float | str
-"""What an option of an engine may be."""
+"""The type of an option of an engine."""
 
 
 class ConfigError(ValueError):
@@ -284,7 +284,7 @@ class VioConfig(_Section):
         return dataclasses.asdict(self)
 
     def digest(self) -> str:
-        """Return what tells this configuration from any other: SHA-256, hexadecimal, of its values as JSON."""
+        """Return the SHA-256 of the values as JSON, hexadecimal."""
         return hashlib.sha256(json.dumps(self.effective(), sort_keys=True).encode()).hexdigest()
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a strategy is, from what it says about each frame: INIT, TRACKING, DEGRADED or LOST."""
+"""The health of a strategy, from the facts about each frame: INIT, TRACKING, DEGRADED or LOST."""
 
 import math
 import statistics
@@ -64,13 +64,13 @@ class Growth:
 
 @dataclass(frozen=True, slots=True)
 class FrameFacts:
-    """What a strategy found out about a frame.
+    """The facts about a frame, by which its health is judged.
 
     Attributes:
         inliers: features that agree with the geometric model.
         coverage: share of grid cells with an inlier, 0 to 1.
         mre_px: mean reprojection error of the inliers.
-        growth: how well the translation since the keyframe is known; None where that tells nothing, as in a keyframe
+        growth: how well the translation since the keyframe is known; None where that shows nothing, as in a keyframe
             or while standing still.
         innovation_ratio: running mean of the inliers' normalised innovation squared per degree of freedom.
         bias_norm: of the estimated bias.
@@ -104,7 +104,7 @@ class HealthMachine:
     """The health of a strategy: fed by one thread, read by any.
 
     Args:
-        config: min_tracked, lost_frames_fatal, auto_reinit_s and the bounds of sigmas are what it says about health.
+        config: min_tracked, lost_frames_fatal, auto_reinit_s and the bounds of sigmas decide.
         on_transition: called with the old state, the new one and the reason, after each change.
     """
 
@@ -139,7 +139,7 @@ class HealthMachine:
         return self._health
 
     def feed(self, facts: FrameFacts, t_ns: int) -> tuple[VioState, str]:
-        """Take in a frame; return the state after it, and why.
+        """Judge a frame; return the state after it, and the reason.
 
         A frame that leaves INIT is judged like any other, so it may end in DEGRADED at once. In LOST nothing changes.
         """
@@ -165,7 +165,7 @@ class HealthMachine:
         self._restart(AUTO_REINIT, warm=False)
 
     def auto_reinit(self, t_ns: int) -> bool:
-        """Go from LOST to INIT if that is due; say whether it was."""
+        """Go from LOST to INIT if that is due; return whether it was."""
         after_s = self._config.auto_reinit_s
         due = self.state is VioState.LOST and after_s > 0 and t_ns - self._lost_since_ns >= round(after_s * 1e9)
         if due:

@@ -251,11 +251,11 @@ class StrategyBase(abc.ABC):
             self._stage_ms[name] = self._stage_ms.get(name, 0.0) + ms
 
     def _conclude(self, facts: FrameFacts, output: VioOutput | None) -> Result:
-        """Judge a frame; return its result, as the health then is.
+        """Judge a frame by its facts; return its result.
 
         Args:
             facts: what was found out about the frame.
-            output: what the estimator says about it, not inflated; None while there is no state. After that, None
+            output: of the estimator, not inflated; None while there is no state. After that, None
                 means that the state is not finite.
 
         Raises:

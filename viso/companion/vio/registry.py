@@ -19,7 +19,7 @@ from viso.extras import pip_install
 
 @dataclass(frozen=True, slots=True)
 class StrategyEntry:
-    """A strategy that can be asked for.
+    """A row of the registry.
 
     Attributes:
         loader: builds the strategy; raises ImportError, with one line of text, if it cannot.
@@ -33,7 +33,7 @@ class StrategyEntry:
 
 
 def _lazy(module: str, class_name: str, extra: str) -> Callable[[StrategyContext], StrategyBase]:
-    """Return a loader that imports nothing before it is called, and says which extra a missing library belongs to."""
+    """Return a loader that imports nothing before it is called, and names the extra of a missing library."""
 
     def load(context: StrategyContext) -> StrategyBase:
         try:

@@ -30,7 +30,7 @@ class FrameSource(Protocol):
         """
 
     def close(self) -> None:
-        """Let go of the device; from any thread, also twice. A ``read`` under way returns or raises."""
+        """Release the device; from any thread, also twice. A ``read`` under way returns or raises."""
 
 
 class DropOldestQueue:
@@ -106,7 +106,7 @@ class CameraIngest:
         self._thread.start()
 
     def stop(self) -> None:
-        """Ask the thread to end and let go of the source; does not wait."""
+        """Ask the thread to end and close the source; does not wait."""
         self._stop.set()
         try:
             self._source.close()
@@ -115,7 +115,7 @@ class CameraIngest:
             self._camera_event(logging.ERROR, "camera_close_failed", f"the camera could not be closed: {reason}")
 
     def join(self, timeout_s: float | None) -> bool:
-        """Wait for the thread; say whether it has ended."""
+        """Wait for the thread; return whether it has ended."""
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
@@ -173,7 +173,7 @@ class VioWorker:
         self._queue.close()
 
     def join(self, timeout_s: float | None) -> bool:
-        """Wait for the thread; say whether it has ended."""
+        """Wait for the thread; return whether it has ended."""
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
@@ -199,7 +199,7 @@ class VioWorker:
         return True
 
     def _wait_on(self) -> bool:
-        """Find out why there is no frame; say whether one may still come."""
+        """Find out why there is no frame; return whether one may still come."""
         if self._queue.closed:
             if self._queue.failure is not None:
                 self._pipeline.lose(self._queue.failure)
@@ -242,8 +242,8 @@ class VioRuntime:
         self.pipeline = VioPipeline(strategy, imu, listeners)
         self._worker = VioWorker(self.pipeline, self._queue, logger)
         self._started = False
-        told = {"config": config.effective(), "digest": config.digest()}
-        log_event(logger, logging.INFO, "configuration", "effective configuration", told, strategy=config.strategy)
+        fields = {"config": config.effective(), "digest": config.digest()}
+        log_event(logger, logging.INFO, "configuration", "effective configuration", fields, strategy=config.strategy)
 
     def start(self) -> None:
         """Begin to read the camera and to process frames."""
@@ -252,7 +252,7 @@ class VioRuntime:
         self._ingest.start()
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait until the source has ended and its last frame is done with; say whether that is so."""
+        """Wait until the source has ended and its last frame is processed; return whether that is so."""
         return self._worker.join(timeout_s)
 
     def stop(self, join_s: float = JOIN_S) -> bool:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What goes into a strategy and what comes out: frozen records.
+"""The records that go into a strategy and come out of it, all frozen.
 
 Times are nanoseconds of the companion's monotonic clock. Frames, calibrations, warm starts and outputs are checked when
 they are made, and their arrays are read-only; the constructor raises ``ValueError`` naming the field. Inertial data are
@@ -85,12 +85,12 @@ class NavCameraFrame:
 
 @dataclass(frozen=True, slots=True)
 class HeightMeasurement:
-    """What a range finder, corrected for the tilt, or a barometer tells.
+    """A height from a range finder, corrected for the tilt, or from a barometer.
 
     Attributes:
         t_ns: when.
         height_m: of the body's origin above the ground.
-        sigma_m: what it claims as its standard deviation.
+        sigma_m: its standard deviation.
     """
 
     t_ns: int
@@ -100,7 +100,7 @@ class HeightMeasurement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuSample:
-    """What the IMU measured at an instant.
+    """A sample of the IMU.
 
     Attributes:
         t_ns: when.
@@ -138,7 +138,7 @@ class ImuWindow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuBias:
-    """What the IMU shows when there is nothing to show.
+    """The bias of the IMU.
 
     Attributes:
         accel: in m/s^2, FLU.
@@ -155,7 +155,7 @@ class ImuBias:
 
     @classmethod
     def zero(cls) -> "ImuBias":
-        """Return no bias."""
+        """Return the bias zero."""
         return cls(np.zeros(3), np.zeros(3))
 
     def norm(self) -> float:
@@ -164,7 +164,7 @@ class ImuBias:
 
 
 class DistortionModel(enum.StrEnum):
-    """How a lens distorts."""
+    """The model of a lens's distortion."""
 
     NONE = "none"
     RADTAN = "radtan"
@@ -176,11 +176,11 @@ _COEFFICIENTS: Final = {DistortionModel.NONE: (0,), DistortionModel.RADTAN: (4, 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraCalibration:
-    """A camera: its lens, its size, its place.
+    """The calibration of a camera: lens, size of the picture, and mounting.
 
     Attributes:
         camera_id: the model.
-        unit: which specimen of the model.
+        unit: the serial of this camera.
         width, height: of the image in pixels.
         fx, fy, cx, cy: intrinsics in pixels; the middle of the first pixel is (0, 0).
         distortion_model: of the lens.
@@ -272,7 +272,7 @@ class WarmStartPose:
 
 @dataclass(frozen=True, slots=True)
 class FeatureQuality:
-    """What the front end made of a frame.
+    """Figures of the front end about a frame.
 
     Attributes:
         tracked, lost, new, inliers: numbers of features.
@@ -300,7 +300,7 @@ class FeatureQuality:
 
 
 class VioState(enum.Enum):
-    """How a strategy is."""
+    """The state of a strategy."""
 
     INIT = "INIT"
     TRACKING = "TRACKING"
@@ -310,13 +310,13 @@ class VioState(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class VioHealth:
-    """How a strategy is, and why.
+    """The health of a strategy.
 
     Attributes:
         state: which of the four.
         consecutive_lost: frames since the last one that could be used.
         bias_norm: of the estimated bias.
-        reason: of the last change of state, or what is wrong now.
+        reason: of the last change of state, or the present problem.
     """
 
     state: VioState
@@ -327,19 +327,19 @@ class VioHealth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VioOutput:
-    """What a strategy says about a frame.
+    """The pose of a frame, and how well it is known.
 
     Attributes:
         frame_id: the frame's.
         relative_pose_T: ``K_T_B``, the body in the last keyframe's body.
         pose_covariance_6x6: of it, right perturbation, (rx, ry, rz, tx, ty, tz).
         imu_bias: the estimate.
-        feature_quality: what the front end made of the frame.
+        feature_quality: figures of the front end.
         keyframe_id: of K, the keyframe that the pose refers to.
         is_keyframe: whether this frame is the keyframe of the outputs after it.
         velocity_b: in m/s, in the body (FLU).
         world_T_body: the body in the strategy's world (ENU), for diagnosis.
-        world_T_keyframe: K in that world, where that is another by now than when K was told; else None.
+        world_T_keyframe: K in that world, where it has changed since K was the keyframe of an output; else None.
         start_covariance_6x6: of the pose that all relative poses since the start compose, as that of a relative pose;
             None if the strategy does not know what they share.
     """

@@ -40,7 +40,7 @@ def front_end(**changed: Any) -> FrontEnd:
 def seen(*images: Pixels) -> list[Sighting]:
     """Return what a camera that does not turn sees in pictures, one after the other."""
     front = front_end()
-    return [front.see(image, STILL) for image in images]
+    return [front.track(image, STILL) for image in images]
 
 
 def test_first_picture_has_new_points_only() -> None:
@@ -119,17 +119,17 @@ def test_points_come_back_after_a_picture_of_nothing() -> None:
 
 def test_forgetting_begins_anew() -> None:
     front = front_end()
-    front.see(IMAGE, STILL)
+    front.track(IMAGE, STILL)
     front.forget()
-    again = front.see(shifted(IMAGE, 3, 0), STILL)
+    again = front.track(shifted(IMAGE, 3, 0), STILL)
     assert (again.tracked, again.lost, again.new) == (0, 0, MOST)
 
 
 def test_turn_is_taken_out_of_the_disparity() -> None:
     turn = so3_exp(np.array([0.01, -0.02, 0.1]))
     front = front_end()
-    front.see(IMAGE, STILL)
-    second = front.see(turned(IMAGE, turn), turn)
+    front.track(IMAGE, STILL)
+    second = front.track(turned(IMAGE, turn), turn)
     assert second.model is Model.ROTATION
     assert second.disparity_px < 0.5
     assert second.inliers > 0.6 * MOST
@@ -140,25 +140,25 @@ def test_turn_is_where_points_are_expected() -> None:
     turn = so3_exp(np.array([0.0, 0.16, 0.0]))
     told, untold = front_end(), front_end()
     for front in (told, untold):
-        front.see(IMAGE, STILL)
+        front.track(IMAGE, STILL)
     after = turned(IMAGE, turn)
-    assert told.see(after, turn).inliers > 0.5 * MOST > 2 * untold.see(after, STILL).inliers
+    assert told.track(after, turn).inliers > 0.5 * MOST > 2 * untold.track(after, STILL).inliers
 
 
 def test_prior_beats_the_rotation_as_the_place_to_look() -> None:
     prior = np.eye(3)
     prior[:2, 2] = 40 / FOCAL, -30 / FOCAL
     front = front_end()
-    front.see(IMAGE, STILL)
-    second = front.see(shifted(IMAGE, 40, -30), STILL, prior)
+    front.track(IMAGE, STILL)
+    second = front.track(shifted(IMAGE, 40, -30), STILL, prior)
     assert second.inliers > 0.5 * MOST
     assert second.disparity_px == pytest.approx(50, abs=0.5)
 
 
 def test_prior_that_puts_points_behind_the_camera_is_passed_over() -> None:
     front = front_end()
-    front.see(IMAGE, STILL)
-    assert front.see(IMAGE, STILL, -np.eye(3)).inliers > 0.8 * MOST
+    front.track(IMAGE, STILL)
+    assert front.track(IMAGE, STILL, -np.eye(3)).inliers > 0.8 * MOST
 
 
 def test_points_that_move_otherwise_are_given_up() -> None:
@@ -172,7 +172,7 @@ def test_points_that_move_otherwise_are_given_up() -> None:
 
 def test_normalised_coordinates_are_without_the_distortion() -> None:
     lens: dict[str, Any] = {"distortion_model": DistortionModel.RADTAN, "distortion": np.array([-0.2, 0.05, 0.0, 0.0])}
-    bent, straight = front_end(**lens).see(IMAGE, STILL), front_end().see(IMAGE, STILL)
+    bent, straight = front_end(**lens).track(IMAGE, STILL), front_end().track(IMAGE, STILL)
     pixels = straight.normalised @ np.diag([FOCAL, FOCAL]) + [0.5 * (WIDTH - 1), 0.5 * (HEIGHT - 1)]
     assert np.allclose(bent.normalised, undistort(calibration(**lens), pixels))
 
@@ -181,7 +181,7 @@ def test_points_that_the_lens_model_does_not_reach_are_left_out() -> None:
     lens: dict[str, Any] = {"distortion_model": DistortionModel.RADTAN, "distortion": np.array([-1.2, 0.0, 0.0, 0.0])}
     front = front_end(**lens)
     for image in (IMAGE, shifted(IMAGE, 3, 2), shifted(IMAGE, 6, 4)):
-        sighting = front.see(image, STILL)
+        sighting = front.track(image, STILL)
         assert np.isfinite(sighting.normalised).all()
     assert 0 < len(sighting.ids) < MOST
     assert sighting.inliers > 8
@@ -190,7 +190,7 @@ def test_points_that_the_lens_model_does_not_reach_are_left_out() -> None:
 def coverages_while_receding() -> list[float]:
     """Return the coverage in pictures of ground that shrinks to less than a quarter, all but the first."""
     front, large = front_end(), texture(4, 4 * WIDTH, 4 * HEIGHT)
-    return [front.see(zoomed_out(large, 0.94**step), STILL).coverage for step in range(25)][1:]
+    return [front.track(zoomed_out(large, 0.94**step), STILL).coverage for step in range(25)][1:]
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ from mav_handlers.wire.messages import (
 )
 from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
 from viso.companion.run import live as vio_live
-from viso.companion.run.live import HandedFrames, LiveVio
+from viso.companion.run.live import FrameMailbox, LiveVio
 from viso.companion.run.log import VioLog
 from viso.companion.sources.base import Recording, SourceError, SourceOptions
 from viso.companion.sources.camera import LiveCamera
@@ -59,7 +59,7 @@ class StepRuntime(VioRuntime):
 
     def pump(self) -> None:
         """Work on what is there: all frames handed over, or one of a camera."""
-        while not self._ended and not (isinstance(self._frames, HandedFrames) and self._frames._frames.empty()):
+        while not self._ended and not (isinstance(self._frames, FrameMailbox) and self._frames._frames.empty()):
             try:
                 frame = self._frames.read()
             except OSError:
@@ -68,7 +68,7 @@ class StepRuntime(VioRuntime):
                 self._ended = True
                 return
             self.pipeline.process(frame)
-            if not isinstance(self._frames, HandedFrames):
+            if not isinstance(self._frames, FrameMailbox):
                 return
 
     def wait(self, timeout_s: float | None = None) -> bool:

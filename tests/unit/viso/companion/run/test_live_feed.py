@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tests.unit.viso.companion.vio.strategy_rig import make_calibration
-from viso.companion.run.live import HandedFrames, RecordingFeed
+from viso.companion.run.live import FrameMailbox, RecordingFeed
 from viso.companion.sources.base import Recording, make_frame
 from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFrame, SensorEvent
 
@@ -35,14 +35,14 @@ class Taken:
         self.all.append(("height", height.t_ns // MS))
 
 
-class Frames(HandedFrames):
+class Frames(FrameMailbox):
     """Remembers frames as well."""
 
     def __init__(self, taken: Taken) -> None:
         super().__init__()
         self._taken = taken
 
-    def hand(self, frame: NavCameraFrame | None) -> None:
+    def put(self, frame: NavCameraFrame | None) -> None:
         if frame is not None:
             self._taken.all.append(("frame", frame.capture_timestamp // MS))
 
@@ -57,14 +57,14 @@ def feed_of(*events: SensorEvent) -> tuple[RecordingFeed, Taken]:
 
 def test_nothing_is_handed_over_before_the_beginning() -> None:
     feed, taken = feed_of(sample(5), frame(5))
-    feed.hand_over(10**12)
+    feed.deliver(10**12)
     assert (taken.all, feed.next_due_ns(), feed.is_over) == ([], None, False)
 
 
 def test_stamps_move_to_now() -> None:
     feed, taken = feed_of(sample(5), HeightMeasurement(6 * MS, 40.0, 0.3), frame(4), sample(10))
     assert feed.begin(1000 * MS) == 995 * MS
-    feed.hand_over(2000 * MS)
+    feed.deliver(2000 * MS)
     assert taken.all == [("imu", 1000), ("height", 1001), ("frame", 999), ("imu", 1005)]
     assert feed.is_over
 
@@ -75,7 +75,7 @@ def test_each_comes_when_it_is_due() -> None:
     due = []
     while (due_ns := feed.next_due_ns()) is not None:
         due.append(due_ns // MS)
-        feed.hand_over(due_ns)
+        feed.deliver(due_ns)
     assert due == [0, 5, 10]
     assert [name for name, _ in taken.all] == ["imu", "frame", "imu", "frame", "imu"]
 
@@ -86,8 +86,8 @@ def test_empty_recording_is_over() -> None:
 
 
 def test_frames_are_read_as_they_are_handed_and_end_with_the_source() -> None:
-    frames, one = HandedFrames(), frame(1)
-    frames.hand(one)
+    frames, one = FrameMailbox(), frame(1)
+    frames.put(one)
     frames.close()
     assert frames.read() is one
     assert frames.read() is None

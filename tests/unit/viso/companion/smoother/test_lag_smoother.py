@@ -13,7 +13,14 @@ pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
 from tests.unit.viso.companion.smoother.scene import B_T_C, NOISE, PERIOD_NS, SIGMA, WALL, pose_at, velocity_at, window
-from viso.companion.smoother.lag_smoother import LAG_S, LagSmoother, Motion, Seen, SmootherError, preintegrated
+from viso.companion.smoother.lag_smoother import (
+    LAG_S,
+    LagSmoother,
+    LandmarkSighting,
+    Motion,
+    SmootherError,
+    preintegrated,
+)
 from viso.companion.vio.types import ImuBias
 from viso.geometry.pose import SE3
 
@@ -40,9 +47,9 @@ def go_on(smoother: LagSmoother, number: int, expected: Motion | None = None) ->
     smoother.add_node(number, number * PERIOD_NS * 1e-9, expected or motion_at(number), inertial(number))
 
 
-def pixel(number: int, landmark: int) -> Seen:
+def pixel(number: int, landmark: int) -> LandmarkSighting:
     local = (pose_at(number * PERIOD_NS) @ B_T_C).inverse().map(WALL[landmark])
-    return Seen(number, landmark, local[:2] / local[2])
+    return LandmarkSighting(number, landmark, local[:2] / local[2])
 
 
 def test_first_node_is_where_it_was_put() -> None:

@@ -9,7 +9,7 @@ pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
 from tests.unit.viso.companion.smoother.scene import B_T_C, SIGMA, WALL, sight, sighting_of
-from viso.companion.smoother.lag_smoother import Seen
+from viso.companion.smoother.lag_smoother import LandmarkSighting
 from viso.companion.smoother.landmarks import (
     FEWEST_LEFT,
     FEWEST_SIGHTINGS,
@@ -37,7 +37,7 @@ class Walk:
         self.book = LandmarkBook(B_T_C, SIGMA)
         self.points = points
         self.poses: dict[int, SE3] = {}
-        self.seen: list[Seen] = []
+        self.seen: list[LandmarkSighting] = []
         self.new: list[NewLandmark] = []
 
     def go(self, nodes: int, step_m: float = STEP_M) -> None:
