@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import typer
 
-from viso.compare import versus as versus_runs
 from viso.compare.figures import Judge, Row, timed_places
-from viso.compare.merit import merit_lines, merit_rows, merit_table
+from viso.compare.merit import merit_rows
 from viso.compare.observability import doubts
-from viso.compare.replays import compare, comparison_rows, comparison_tables, setting_lines
+from viso.compare.outputs import firmware_tables, merit_lines, merit_table, replay_tables, setting_lines
+from viso.compare.two_replays import compare_replays
 from viso.doctor.evidence.set_up import Assumed, fitting, vision_carried
 from viso.doctor.evidence.vehicle_position import PositionSeries, position_in
 from viso.errors import InputError
@@ -206,14 +206,14 @@ def replay(
     if changes:
         figures = [judge.row(outcome) for judge, outcome in zip(judges, outcomes, strict=True)]
         used = imu or ("follow" if with_filter else "bench")
-        told = _Told(
+        merit = _Merit(
             (figures[0], figures[1]),
             None if truth is None else truth.origin,
             list(doubts(changes, used, judges[0].basis)),
         )
-        _tell_changes(stream, changes, outcomes, told if with_filter else None, as_json=as_json)
+        _print_changes(stream, changes, outcomes, merit if with_filter else None, as_json=as_json)
     elif other is not None:
-        _tell_versus(stream, (profile, other), outcomes, as_json=as_json)
+        _print_versus(stream, (profile, other), outcomes, as_json=as_json)
     elif as_json:
         out.print_json(data={"stream": stream.name, **_as_dict(outcomes[0])})
     else:
@@ -246,8 +246,8 @@ class _Run(NamedTuple):
     setup: ReplaySetup
 
 
-class _Told(NamedTuple):
-    """Figures of both runs, what the truth in them is, and what they cannot tell."""
+class _Merit(NamedTuple):
+    """Figures of merit of both runs, what the truth in them is, and what they cannot say."""
 
     figures: tuple[Row, Row]
     truth: str | None
@@ -328,53 +328,47 @@ def _tell(outcome: ReplayOutcome) -> None:
     out.print(filter_report.aiding_table(outcome.aiding))
 
 
-def _tell_changes(
+def _print_changes(
     stream: Stream,
     changes: Mapping[str, float],
     outcomes: Sequence[ReplayOutcome],
-    told: _Told | None,
+    merit: _Merit | None,
     *,
     as_json: bool,
 ) -> None:
     before, after = outcomes
-    comparison = compare(before, after)
+    comparison = compare_replays(before, after)
     if as_json:
         both = {"before": _as_dict(before), "after": _as_dict(after)}
-        differs = comparison_rows(comparison)
-        merit = {} if told is None else {"figures": merit_rows(*told.figures), "doubts": list(told.doubts)}
-        out.print_json(data={"stream": stream.name, "set": dict(changes), **both, "differs": differs, **merit})
+        differs: dict[str, object] = {"differs": comparison.as_dict()}
+        if merit is not None:
+            differs |= {"figures": merit_rows(*merit.figures), "doubts": list(merit.doubts)}
+        out.print_json(data={"stream": stream.name, "set": dict(changes), **both, **differs})
         return
-    for line in setting_lines(changes, before):
-        out.print(line)
-    for part in comparison_tables(comparison, with_filter=before.aiding is not None):
+    for part in (*setting_lines(changes, before), *replay_tables(comparison, with_filter=before.aiding is not None)):
         out.print(part)
-    if told is not None:
-        out.print(merit_table(*told.figures, told.truth))
-        for line in (*merit_lines(*told.figures), *told.doubts):
+    if merit is not None:
+        out.print(merit_table(*merit.figures, merit.truth))
+        for line in (*merit_lines(*merit.figures), *merit.doubts):
             out.print(line)
 
 
-def _tell_versus(
+def _print_versus(
     stream: Stream, profiles: tuple[Firmware, Firmware], outcomes: Sequence[ReplayOutcome], *, as_json: bool
 ) -> None:
     before, after = outcomes
-    comparison, errors = compare(before, after), versus_runs.error_changes(before, after)
-    innovations = versus_runs.innovation_changes(before, after)
+    comparison = compare_replays(before, after)
     names = [profile.name for profile in profiles]
     if as_json:
         both = {"before": _as_dict(before), "after": _as_dict(after)}
-        own = {
-            "errors": [change._asdict() for change in errors],
-            "innovations": versus_runs.innovation_change_rows(innovations),
+        differs = {
+            **comparison.as_dict(),
+            "errors": [change._asdict() for change in comparison.errors],
+            "innovations": [change.as_dict() for change in comparison.innovations],
         }
-        differs = {**comparison_rows(comparison), **own}
         firmware = dict(zip(both, names, strict=True))
         out.print_json(data={"stream": stream.name, "firmware": firmware, **both, "differs": differs})
         return
     out.print(f"before: firmware {names[0]}; after: firmware {names[1]}")
-    if errors:
-        out.print(versus_runs.error_table(errors))
-    if innovations:
-        out.print(versus_runs.innovation_change_table(innovations))
-    for part in comparison_tables(comparison, with_filter=before.aiding is not None):
+    for part in (*firmware_tables(comparison), *replay_tables(comparison, with_filter=before.aiding is not None)):
         out.print(part)

@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 import numpy as np
 
 from viso.compare.tolerances import ANGLES, UNITS, Tolerance
-from viso.estimators.series import Array
+from viso.estimators.series import Array, wrapped_deg
 
 ABSENT: Final = "nothing"
 """Stands for a value that one side does not have."""
@@ -63,13 +63,13 @@ class Difference:
 def apart(field: str, recorded: Side, ours: Side) -> Side:
     """Return ours less the recorded value or column; angles differ by -180 to 180 deg."""
     difference: Side = ours - recorded
-    return (difference + 180) % 360 - 180 if field in ANGLES else difference
+    return wrapped_deg(difference) if field in ANGLES else difference
 
 
 def is_equal(field: str, recorded: Any, ours: Any, tolerance: Tolerance | None = None) -> bool:
     """Return whether two values of a field are equal, or no farther apart than allowed.
 
-    float32 values without a tolerance are compared bit by bit, lists element by element. NaN equals NaN.
+    float32 values without a tolerance are compared bit by bit, and lists element by element.
     """
     if isinstance(recorded, np.float32) and isinstance(ours, np.float32) and recorded.tobytes() == ours.tobytes():
         return True
@@ -83,9 +83,9 @@ def is_equal(field: str, recorded: Any, ours: Any, tolerance: Tolerance | None =
         return bool(recorded == ours)
     before, after = float(recorded), float(ours)
     if tolerance.is_share:
-        return math.isclose(before, after, rel_tol=tolerance.within, abs_tol=_LEAST) or all(
-            map(math.isnan, (before, after))
-        )
+        if math.isnan(before) and math.isnan(after):
+            return True
+        return math.isclose(before, after, rel_tol=tolerance.within, abs_tol=_LEAST)
     return abs(apart(field, before, after)) <= tolerance.within
 
 

@@ -1,21 +1,72 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Figures of merit of two replays of one stream, side by side."""
+"""Figures of merit of two replays of one stream, and whether innovations differ by more than chance.
 
-from collections.abc import Iterator
+Both replays have the same samples, so they are compared span of time by span of time: what differs in all of a flight
+alike is no chance, what comes from a single moment may be.
+"""
+
+import math
 from typing import Any, Final, NamedTuple
 
-from rich.table import Column, Table
+import numpy as np
 
-from viso.compare.figures import OBJECTIVES, Row
-from viso.compare.significance import SIGMAS, surplus
+from viso.compare.figures import BY_TIME, OBJECTIVES, Row
 from viso.vehicle.outcomes.watch import UNITS
+
+SIGMAS: Final = 2.0
+"""A difference of more standard deviations is more than chance."""
 
 _COMPARED: Final = (
     *(f"rms_{kind}" for kind in UNITS),
     *("nis", "worst_ratio", "rejected", "resets", "time_to_aiding_s", "aiding_share", "aiding_losses"),
     *("log_m", "ate_m"),
 )
+
+_FEWEST_SPANS: Final = 8
+_COLUMNS: Final = {"nis": 2, "rms": 3}  # of a row of BY_TIME
+
+
+class Surplus(NamedTuple):
+    """How much larger the mean square of innovations is than another, and one standard deviation of that."""
+
+    value: float
+    sigma: float
+
+    @property
+    def is_chance(self) -> bool:
+        """Whether it may be chance alone."""
+        return abs(self.value) <= SIGMAS * self.sigma
+
+
+def surplus(row: Row, other: Row, objective: str = "nis") -> Surplus | None:
+    """Return how much larger a row's innovations are than those of another row of the same stream.
+
+    None where the objective (nis, nis_... or rms_..., squared) is not made of innovations, or there are too few.
+    """
+    if not (row.get(BY_TIME) and other.get(BY_TIME)):
+        return None
+    span_s = max(one[BY_TIME]["span_s"] for one in (row, other))
+    (counts, sums), (other_counts, other_sums) = (_spans(one, objective, span_s) for one in (row, other))
+    count, other_count = sum(counts.values()), sum(other_counts.values())
+    numbers = sorted({*counts, *other_counts})
+    if len(numbers) < _FEWEST_SPANS or not (count and other_count):
+        return None
+    parts = [sums.get(number, 0.0) / count - other_sums.get(number, 0.0) / other_count for number in numbers]
+    return Surplus(math.fsum(parts), float(np.std(parts, ddof=1)) * math.sqrt(len(parts)))
+
+
+def _spans(row: Row, objective: str, span_s: int) -> tuple[dict[int, float], dict[int, float]]:
+    """Return how many samples there are in each span, and the sum of their squares."""
+    what, _, kind = objective.partition("_")
+    counts: dict[int, float] = {}
+    sums: dict[int, float] = {}
+    for of_kind, spans in row[BY_TIME]["sums"].items():
+        for span in spans if what in _COLUMNS and kind in ("", of_kind) else ():
+            number = int(span[0]) * row[BY_TIME]["span_s"] // span_s
+            counts[number] = counts.get(number, 0.0) + span[1]
+            sums[number] = sums.get(number, 0.0) + span[_COLUMNS[what]]
+    return counts, sums
 
 
 class Merit(NamedTuple):
@@ -33,7 +84,7 @@ def merits(before: Row, after: Row) -> list[Merit]:
 
 
 def merit_rows(before: Row, after: Row) -> list[dict[str, Any]]:
-    """Return the same for machines; what is made of innovations with the difference and its deviation."""
+    """Return the same for machines; figures of innovations with their surplus and its deviation."""
     rows = []
     for merit in merits(before, after):
         found = surplus(after, before, merit.name)
@@ -41,24 +92,3 @@ def merit_rows(before: Row, after: Row) -> list[dict[str, Any]]:
         if found is not None:
             rows[-1] |= {"surplus_of_squares": found.value, "sigma": found.sigma, "chance": found.is_chance}
     return rows
-
-
-def merit_table(before: Row, after: Row, truth: str | None) -> Table:
-    """Return the table for people; ``truth`` is what ``ate_m`` is the distance from."""
-    right = Column("before", justify="right"), Column("after", justify="right")
-    table = Table("figure", *right, "what it is", title="Figures of merit (the filter is a model)")
-    for name, *both in merits(before, after):
-        unit, what = OBJECTIVES[name].unit, OBJECTIVES[name].what
-        shown = (("-" if value is None else f"{value:.4g} {unit}".rstrip()) for value in both)
-        table.add_row(name, *shown, what.replace("the reference", truth) if truth else what)
-    return table
-
-
-def merit_lines(before: Row, after: Row) -> Iterator[str]:
-    """Yield whether innovations are smaller than before, by more than chance."""
-    found = surplus(after, before)
-    if found is None or not before["nis"]:
-        return
-    share, sigma = (value / before["nis"] for value in found)
-    how = "may be chance" if found.is_chance else f"beyond {SIGMAS:g} of these"
-    yield f"innovations (nis) change by {share:+.1%}, with a deviation of {sigma:.1%}: {how}"

@@ -4,7 +4,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from ap_core.dataflash_dtype import Column
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+Angles = TypeVar("Angles", float, Array)
 
 IMPOSSIBLE_S: Final = 86_400.0
 """Records farther than this from the middle of their kind have a time that damage made up."""
@@ -81,6 +82,12 @@ def series_of(rows: Sequence[Sequence[float]] | Array, labels: Sequence[str]) ->
     kept = rows_in_time(table)
     columns = {label: kept[:, number] for number, label in enumerate(labels, 1)}
     return Series(kept[:, 0] * 1e-6, columns), int(len(table) - len(kept))
+
+
+def wrapped_deg(angle_deg: Angles) -> Angles:
+    """Return an angle or several within -180 to 180 deg."""
+    wrapped: Angles = (angle_deg + 180.0) % 360.0 - 180.0
+    return wrapped
 
 
 def stretches_of(holds: Sequence[bool] | Mask) -> list[tuple[int, int]]:

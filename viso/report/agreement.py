@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vision against EKF: both at the instant that a measurement is of."""
+"""Vision less EKF: both at the instant of a measurement.
+
+Unlike the comparisons of `viso.compare`, nothing has to be equal here: the EKF is interpolated to the measurements, and
+the report shows the differences over time.
+"""
 
 from dataclasses import dataclass
 from typing import Final
@@ -8,7 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.estimators.series import Array, Mask, Series
+from viso.estimators.series import Array, Mask, Series, wrapped_deg
 from viso.geometry.rotation import rotations_from_euler
 from viso.report.flight_data import Material, position_moves
 
@@ -65,7 +69,7 @@ def delay_ms_of(material: Material) -> float:
 
 
 def vision_poses(material: Material) -> Poses:
-    """Return what vision said, at the times at which it saw it; velocities of the same message where there are any."""
+    """Return the poses of vision at the times of observation, with velocities of the same message if there are any."""
     visp, visv = material.visp, material.visv
     vel = np.full((len(visp), 3), np.nan)
     if len(visv):
@@ -77,7 +81,7 @@ def vision_poses(material: Material) -> Poses:
 
 
 def ekf_poses(material: Material) -> Poses:
-    """Return what the EKF said."""
+    """Return the poses of the EKF."""
     xkf1 = material.xkf1
     return Poses(
         xkf1.time_s, xkf1.matrix("PN", "PE", "PD"), xkf1.matrix("Roll", "Pitch", "Yaw"), xkf1.matrix("VN", "VE", "VD")
@@ -106,14 +110,9 @@ def interpolated(poses: Poses, at_s: Array, moves_s: Array) -> Poses:
     return Poses(at_s, between(poses.pos_ned), rpy_deg, between(poses.vel_ned))
 
 
-def wrapped_deg(angle_deg: Array) -> Array:
-    """Return angles within -180 to 180 deg."""
-    return (angle_deg + 180.0) % 360.0 - 180.0
-
-
 @dataclass(frozen=True, slots=True)
-class Differences:
-    """Vision less EKF at the same instants, both of where the camera is.
+class VisionLessEkf:
+    """How far vision is from the EKF at the same instants, both of where the camera is.
 
     Attributes:
         time_s: of the poses [N].
@@ -135,14 +134,14 @@ def _camera_frd(material: Material) -> Array:
     return np.array([material.parameter(f"VISO_POS_{axis}") or 0.0 for axis in "XYZ"])
 
 
-def differences(material: Material) -> Differences:
-    """Return how far vision was from the EKF, withheld samples included."""
+def vision_less_ekf(material: Material) -> VisionLessEkf:
+    """Return how far vision is from the EKF, withheld samples included."""
     ekf, vision = ekf_poses(material), vision_poses(material)
     moves_s, _ = position_moves(material.xkf4)
     at_poses = interpolated(ekf, vision.time_s, moves_s)
     visv = material.visv
     vel_time_s = observed_s(visv, delay_ms_of(material))
-    return Differences(
+    return VisionLessEkf(
         time_s=vision.time_s,
         pos_ned=vision.pos_ned
         - at_poses.pos_ned

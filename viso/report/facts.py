@@ -17,7 +17,7 @@ from viso.doctor.evidence.own_filter import OwnFilter, Witness
 from viso.estimators.series import Array, Mask, Series, spans_of
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.event_names import EV_ALT_RESET, EV_YAW_RESET
-from viso.report.agreement import Differences, differences, lag_ms
+from viso.report.agreement import VisionLessEkf, lag_ms, vision_less_ekf
 from viso.report.flight_data import Material, position_moves
 from viso.report.parameters import ParameterFacts, parameter_facts
 
@@ -103,7 +103,7 @@ class Facts:
     moving: tuple[tuple[float, float], ...]
     over_gate: tuple[tuple[float, float], ...]
     worst_ratio: float
-    differences: Differences
+    differences: VisionLessEkf
     own: OwnFilter
     findings: tuple[Finding, ...]
     parameters: ParameterFacts
@@ -149,7 +149,7 @@ def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
         moving=tuple(spans_of(status_s, own.moving)),
         over_gate=tuple(spans_of(status_s, np.asarray((own.ratios > 1.0).any(axis=1)))),
         worst_ratio=float(np.nanmax(own.ratios)) if own.has_ratios else float("nan"),
-        differences=differences(material),
+        differences=vision_less_ekf(material),
         own=own,
         findings=tuple(_findings(evidence)),
         parameters=parameter_facts(material, firmware),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from viso.compare.figures import LOWER_IS_BETTER
-from viso.compare.significance import surplus
+from viso.compare.merit import surplus
 
 RESOLUTIONS: Final[Mapping[str, float]] = {"VISO_DELAY_MS": 12.5}
 """What the filter cannot tell apart whatever the samples say: a step of it, in ms."""

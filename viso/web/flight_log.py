@@ -12,12 +12,12 @@ from ap_core.param_group import ParamSlot
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.reports import FilterFlag
 from viso.doctor.evidence.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
-from viso.estimators.series import Array, Mask, Series
+from viso.estimators.series import Array, Mask, Series, wrapped_deg
 from viso.firmware.releases import Firmware
 from viso.logs.event_names import EV_SOURCE_SET_1
 from viso.parameters.releases import MAX_LINKS
 from viso.parameters.table import make_groups
-from viso.report.agreement import BRIDGED_S, lag_ms, wrapped_deg
+from viso.report.agreement import BRIDGED_S, lag_ms
 from viso.report.facts import UNHEALTHY_S, Facts, positioned_at, withheld_why
 from viso.report.flight_data import Material
 from viso.report.summary import Level, Summary

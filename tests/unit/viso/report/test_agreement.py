@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.unit.viso.report.log_maker import LogMaker, material_of
-from viso.estimators.series import Series
-from viso.report.agreement import Poses, differences, interpolated, lag_ms, wrapped_deg
+from viso.estimators.series import Series, wrapped_deg
+from viso.report.agreement import Poses, interpolated, lag_ms, vision_less_ekf
 from viso.report.flight_data import Material
 
 NO_MOVES = np.zeros(0)
@@ -23,7 +23,7 @@ def poses(*times_s: float, yaw_deg: float = 0.0) -> Poses:
 
 
 def test_vision_agrees_when_its_delay_is_taken_off(material: Material) -> None:
-    found = differences(material)
+    found = vision_less_ekf(material)
     calm = (found.time_s > 1.1) & (found.time_s < 8.9)
     # PX is of 50 ms before the record: 20 ms of lag and 30 ms of VISO_DELAY_MS.
     assert np.abs(found.pos_ned[calm]).max() < 1e-3
@@ -37,7 +37,7 @@ def test_camera_is_compared_where_it_is(tmp_path: Path) -> None:
     for time_s in (1.0, 1.1, 1.2):
         maker.add("VISP", time_s, PY=0.5, Y=90.0)
         maker.add("XKF1", time_s, Yaw=90.0)
-    found = differences(material_of(maker, tmp_path / "a.BIN"))
+    found = vision_less_ekf(material_of(maker, tmp_path / "a.BIN"))
     assert np.abs(found.pos_ned[1:]).max() < 1e-6
 
 

@@ -12,17 +12,14 @@ from rich.console import Console
 from ekf_stub.reports import AidingMode
 from mav_handlers.wire.codec import Codec
 from tests.unit.viso.conftest import odometry
-from viso.compare.replays import (
-    ROWS,
+from viso.compare.outputs import ROWS, replay_tables, setting_lines
+from viso.compare.two_replays import (
     SHOWN,
     CountChange,
     MessageChange,
     ReplayComparison,
     TextChange,
-    compare,
-    comparison_rows,
-    comparison_tables,
-    setting_lines,
+    compare_replays,
 )
 from viso.replay.run import ReplayOutcome, ReplaySetup, SaidText, run_replay
 from viso.streams.stream_kinds import Stream, StreamMessage
@@ -57,22 +54,22 @@ def run(recorded: Stream, settings: Mapping[str, float] = SETTINGS, setup: Repla
 
 def printed(comparison: ReplayComparison, *, with_filter: bool = False) -> str:
     console = Console(file=StringIO(), width=200)
-    console.print(*comparison_tables(comparison, with_filter=with_filter))
+    console.print(*replay_tables(comparison, with_filter=with_filter))
     assert isinstance(console.file, StringIO)
     return console.file.getvalue()
 
 
 def test_same_settings_differ_in_nothing() -> None:
     recorded = stream(90, 10)
-    comparison = compare(run(recorded), run(recorded))
-    assert comparison == ReplayComparison([], [], [], None, 0, [], [], [])
+    comparison = compare_replays(run(recorded), run(recorded))
+    assert comparison == ReplayComparison([], [], [], None, 0, [], [], [], [], [])
     assert printed(comparison) == "no verdict differs; --ekf tells what the filter makes of it\n"
     assert printed(comparison, with_filter=True) == "no verdict differs\n"
 
 
 def test_verdicts_that_differ_are_counted_and_named() -> None:
     recorded = stream(90, 10, 90, 15)
-    comparison = compare(run(recorded), run(recorded, {**SETTINGS, "VISO_QUAL_MIN": 20}))
+    comparison = compare_replays(run(recorded), run(recorded, {**SETTINGS, "VISO_QUAL_MIN": 20}))
     assert comparison.verdicts == [
         CountChange("ODOMETRY", "accepted", "consumed", 4, 2),
         CountChange("ODOMETRY", "ignored", "quality_below_min", 0, 2),
@@ -87,7 +84,7 @@ def test_verdicts_that_differ_are_counted_and_named() -> None:
 
 def test_records_may_differ_where_no_verdict_does() -> None:
     recorded = stream(90, 90, 90)
-    comparison = compare(run(recorded), run(recorded, {**SETTINGS, "VISO_SCALE": 2}))
+    comparison = compare_replays(run(recorded), run(recorded, {**SETTINGS, "VISO_SCALE": 2}))
     assert (comparison.messages, comparison.records, comparison.first_record) == ([], 3, 1)
     assert "log records of 3 messages differ, first of message 1" in printed(comparison)
 
@@ -96,7 +93,7 @@ def test_records_may_differ_where_no_verdict_does() -> None:
 def test_fates_in_the_filter_that_differ_are_told_by_sample() -> None:
     recorded = stream(*(90,) * 30, start_us=START_US)
     before, after = (run(recorded, {**SETTINGS, "EK3_SRC1_POSXY": source}, WATCHED) for source in (6, 0))
-    comparison = compare(before, after)
+    comparison = compare_replays(before, after)
     assert comparison.verdicts == []
     assert {change.what for change in comparison.messages} >= {"pose"}
     assert ("model_fused", "model_unused") in {(change.before, change.after) for change in comparison.messages}
@@ -120,14 +117,14 @@ def test_texts_are_paired_in_their_order(
         replace(NOTHING, texts=tuple(SaidText(time_us, 6, text) for time_us, text in texts))
         for texts in (before, after)
     )
-    assert compare(first, second).texts == expected
+    assert compare_replays(first, second).texts == expected
 
 
 def test_spans_of_navigation_that_are_the_same_are_left_out() -> None:
     common, first, second = (AidingSpan(0, 5, AidingMode.NONE), *(
         AidingSpan(5, end_us, AidingMode.ABSOLUTE) for end_us in (9, 8)
     ))  # fmt: skip
-    comparison = compare(replace(NOTHING, aiding=(common, first)), replace(NOTHING, aiding=(common, second)))
+    comparison = compare_replays(replace(NOTHING, aiding=(common, first)), replace(NOTHING, aiding=(common, second)))
     assert (comparison.aiding_before, comparison.aiding_after) == ([first], [second])
 
 
@@ -135,7 +132,7 @@ def test_many_texts_and_spans_are_told_in_part() -> None:
     said = [*range(ROWS + 3), *(99,) * 6]
     texts = tuple(SaidText(time_us, 6, f"text {number}") for time_us, number in enumerate(said))
     spans = tuple(AidingSpan(start_us, start_us + 1, AidingMode.NONE) for start_us in range(ROWS + 5))
-    comparison = compare(NOTHING, replace(NOTHING, texts=texts, aiding=spans))
+    comparison = compare_replays(NOTHING, replace(NOTHING, texts=texts, aiding=spans))
     assert (len(comparison.texts), len(comparison.aiding_after)) == (ROWS + 9, ROWS + 5)
     told = printed(comparison)
     assert told.count("(6) text") == ROWS
@@ -145,8 +142,8 @@ def test_many_texts_and_spans_are_told_in_part() -> None:
 
 def test_only_the_first_messages_are_told_one_by_one() -> None:
     recorded = stream(*(10,) * (SHOWN + 5))
-    comparison = compare(run(recorded), run(recorded, {**SETTINGS, "VISO_QUAL_MIN": 20}))
-    rows = comparison_rows(comparison)
+    comparison = compare_replays(run(recorded), run(recorded, {**SETTINGS, "VISO_QUAL_MIN": 20}))
+    rows = comparison.as_dict()
     assert rows["changed_messages"] == SHOWN + 5
     assert isinstance(rows["first_messages"], list)
     assert [row["number"] for row in rows["first_messages"]] == list(range(1, SHOWN + 1))
