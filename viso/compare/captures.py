@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Captures: each message again into a vehicle, and what the autopilot made of it beside what the vehicle does."""
+"""Captures: each message sent again to a vehicle, and its records, texts and acknowledgements beside those recorded."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,7 +32,7 @@ Line = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """What an autopilot made of each message of a stream.
+    """The outputs of an autopilot for each message of a stream.
 
     The header is the first line, with ``params``, ``statustext``, ``command_ack``; the others have ``arrival_us``,
     ``type`` and ``out``.
@@ -49,7 +49,7 @@ class Capture:
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What the vehicle made of it: lines with ``verdict``, severity and text, command and result, in their order."""
+    """The outputs of the vehicle: lines with ``verdict``; severities and texts; commands and results."""
 
     lines: Sequence[Line]
     texts: Sequence[tuple[int, str]]
@@ -57,7 +57,7 @@ class Played:
 
 
 def read_recorded(path: Path) -> Capture:
-    """Read what a capture holds beside its stream. Raises InputError that names the file, the line and the field."""
+    """Read the outputs that a capture holds. Raises InputError that names the file, the line and the field."""
     header: Mapping[str, Any] = {}
     lines: list[Line] = []
     for number, text in read_lines(path):
@@ -122,8 +122,8 @@ def play(
 ) -> Played:
     """Play a capture, with the attitude and position of the log beside it if there is one.
 
-    ``on_progress`` is told how many messages were played, and how many there are. Raises InputError if the capture or
-    its log cannot be used.
+    ``on_progress`` takes the number of messages so far, and of all. Raises InputError if the capture or its log cannot
+    be used.
     """
     stream = read_capture(path)
     make_ahrs = ahrs_maker(AhrsChoice(log_beside(path)))
@@ -172,22 +172,22 @@ def record_differences(recorded: Sequence[Line], ours: Sequence[Line], backend: 
 
 def text_differences(capture: Capture, texts: Sequence[tuple[int, str]]) -> Iterator[Difference]:
     """Yield what differs between recorded texts about visual odometry and ours, and in the severity of all texts."""
-    said = [(severity, text) for severity, text in capture.header["statustext"]]
-    theirs, ours = ([text for _, text in one if text.startswith(ABOUT_VISUAL_ODOM)] for one in (said, texts))
+    recorded = [(severity, text) for severity, text in capture.header["statustext"]]
+    theirs, ours = ([text for _, text in one if text.startswith(ABOUT_VISUAL_ODOM)] for one in (recorded, texts))
     which = capture.header.get("name"), len(capture.lines)
     for exception in TEXT_EXCEPTIONS:
         known = Counter(exception.recorded) <= Counter(theirs) and Counter(exception.ours) <= Counter(ours)
         if known and theirs != ours and (exception.name, exception.messages) == which:
             theirs, ours = _without(theirs, exception.recorded), _without(ours, exception.ours)
     yield from sequence_differences("texts", "STATUSTEXT.text", theirs, ours)
-    severities = {text: severity for severity, text in said}
+    severities = {text: severity for severity, text in recorded}
     for severity, text in dict.fromkeys(texts):
         if severity != severities.get(text, severity):
             yield Difference(f"text {text!r}", "STATUSTEXT.severity", str(severities[text]), str(severity))
 
 
 def _without(texts: Sequence[str], exceptions: Sequence[str]) -> list[str]:
-    """Leave out each exception once, the last of its kind."""
+    """Return texts without each exception once, the last of its kind."""
     left = list(reversed(texts))
     for exception in exceptions:
         left.remove(exception)
@@ -209,7 +209,7 @@ def all_differences(capture: Capture, played: Played) -> Iterator[Difference]:
         yield from ack_differences(capture.header["command_ack"], played.acks)
 
 
-def compare_capture(path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]) -> Comparison:
+def compare_capture(path: Path, firmware: Firmware, on_progress: Callable[[int, int], None]) -> Comparison:
     """Play a capture and compare. Raises InputError if it, or the log beside it, cannot be used."""
     capture = read_recorded(path)
     played = play(path, firmware, on_progress=on_progress)
@@ -227,7 +227,6 @@ def compare_capture(path: Path, firmware: Firmware, named: str, on_progress: Cal
         path,
         CAPTURE,
         firmware.name,
-        named,
         len(capture.lines),
         len(records),
         sum(len(record) - 1 for record in records) + texts_and_acks,

@@ -19,22 +19,22 @@ class Comparison:
     Attributes:
         kind: the kind of recording.
         firmware: the name of the profile that viso had.
-        named: the name of the profile that the recording names; empty if it names none.
         messages: the number of messages, calls, exchanges or frames that were played.
         records: the number of records, outputs or answers that they made.
         fields: the number of fields, texts and acknowledgements that were compared.
         notes: what could not be compared, a line each.
+        named: the name of the profile that the recording names; empty if it names none.
     """
 
     path: Path
     kind: str
     firmware: str
-    named: str
     messages: int
     records: int
     fields: int
     differences: tuple[Difference, ...]
     notes: tuple[str, ...] = ()
+    named: str = ""
 
     @property
     def passed(self) -> bool:

@@ -24,10 +24,10 @@ from viso.streams.capture import MAX_PARAMETER
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 WAIT_MS: Final = 150
-"""For how long answers are waited for, where an exchange does not say."""
+"""How long to wait for answers if an exchange has no ``wait_ms``."""
 
 UNASKED: Final = frozenset({"HEARTBEAT", "TIMESYNC"})
-"""What comes all the time, and counts only where an exchange has it in ``also show``."""
+"""Messages that come all the time; they count only in an exchange that has them in ``also show``."""
 
 _OF_FLOATS: Final = tolerances_of(CONVERSATION)["float"]
 _NUMBERS: Final = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
@@ -36,7 +36,7 @@ Exchange = Mapping[str, Any]
 
 
 def read_conversation(path: Path) -> tuple[Exchange, list[Exchange]]:
-    """Return what a conversation begins with, and its exchanges. Raises InputError that names file, line and field."""
+    """Return the head of a conversation, and its exchanges. Raises InputError that names file, line and field."""
     head: Exchange = {}
     exchanges: list[Exchange] = []
     for number, text in read_lines(path):
@@ -142,7 +142,7 @@ class Conversation:
         return json.loads(text.replace(old_hash, own_hash))
 
     def ask(self, exchange: Exchange) -> tuple[Sequence[tuple[str, Mapping[str, Any]]], Sequence[Message]]:
-        """Send what an exchange says; return the answers that it wants, and those that came."""
+        """Send the message of an exchange; return the recorded answers, and those that came."""
         self._send(message_of("'send'", exchange["send"]))
         self._wait(exchange.get("wait_ms", WAIT_MS))
         hidden = [*exchange.get("hide", ()), *(name for name in UNASKED if name not in exchange.get("also show", ()))]
@@ -152,7 +152,7 @@ class Conversation:
 def answer_differences(
     place: str, wanted: Sequence[tuple[str, Mapping[str, Any]]], got: Sequence[Message]
 ) -> Iterator[Difference]:
-    """Yield what differs in the answers of an exchange, of their fields those that ``wanted`` has."""
+    """Yield what differs in the answers of an exchange, in the fields that the recorded ones have."""
     recorded = [
         Row(name, {label: _number(value) for label, value in fields.items() if label not in TIMES})
         for name, fields in wanted
@@ -173,14 +173,14 @@ def answer_differences(
 
 
 def _number(value: Any) -> Any:
-    """Return a value of JSON; a word for a number that JSON does not have is that number."""
+    """Return a value of JSON, where "nan" and "inf" stand for numbers."""
     if isinstance(value, list):
         return [_number(one) for one in value]
     return _NUMBERS.get(value, value) if isinstance(value, str) else value
 
 
 def _answered(message: Message, label: str, wanted: Any) -> Any:
-    """Return a field of an answer as the recording has it: of bytes as many, in hex, as are wanted."""
+    """Return a field of an answer as it is recorded: bytes in hex, and no more of them than are recorded."""
     value = getattr(message, label, ABSENT)
     if isinstance(value, tuple) and isinstance(wanted, str):
         data = bytes(value).hex()
@@ -189,15 +189,13 @@ def _answered(message: Message, label: str, wanted: Any) -> Any:
 
 
 def specified_in(exchanges: Sequence[Exchange]) -> set[str]:
-    """Return the releases whose answers exchanges say; none of exchanges that were recorded."""
+    """Return the releases whose answers are specified; none in a conversation that was recorded."""
     others = {name for exchange in exchanges for name in exchange.get("answers of", ())}
     return others and others | {REFERENCE.name}
 
 
-def compare_conversation(
-    path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]
-) -> Comparison:
-    """Hold a conversation with a vehicle and compare. Raises InputError if it cannot be used."""
+def compare_conversation(path: Path, firmware: Firmware, on_progress: Callable[[int, int], None]) -> Comparison:
+    """Repeat a conversation with a vehicle and compare. Raises InputError if it cannot be used."""
     head, exchanges = read_conversation(path)
     conversation = Conversation(head, firmware, specified_in(exchanges))
     differences: list[Difference] = []
@@ -208,6 +206,4 @@ def compare_conversation(
         answers += len(wanted)
         fields += sum(len(one.keys() - TIMES) for _, one in wanted)
         on_progress(done, len(exchanges))
-    return Comparison(
-        path, CONVERSATION, firmware.name, named, len(exchanges), answers, answers + fields, tuple(differences)
-    )
+    return Comparison(path, CONVERSATION, firmware.name, len(exchanges), answers, answers + fields, tuple(differences))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a replay is judged by: a row of figures that depend on nothing but the point."""
+"""Figures of a replay: how much was used, how far samples were off, when the filter navigated."""
 
 import math
 import statistics
@@ -29,7 +29,7 @@ from viso.vehicle.vehicle import Vehicle
 
 Figure = float | int | None
 Row = dict[str, Any]
-"""Figures by column, and under ``BY_TIME`` what they are made of."""
+"""Figures by column, and under ``BY_TIME`` the sums that they are made of."""
 
 BY_TIME: Final = "by_time"
 """Sums of innovations over equal spans of time: the length of a span in s, and by kind rows of the number of the span,
@@ -51,7 +51,7 @@ _GAP_US: Final = 500_000
 
 @dataclass(frozen=True, slots=True)
 class Objective:
-    """A column of figures: its unit, empty for none, and what it is."""
+    """A column of figures: its unit, empty for none, and its meaning."""
 
     unit: str
     what: str
@@ -102,7 +102,7 @@ LOWER_IS_BETTER: Final = frozenset(
     | {"ignored", "dropped", "texts", "warnings"}
     | {f"{what}_{kind}" for what in ("nis", "rms") for kind in UNITS}
 )
-"""Of these the minimum is looked for, of others the maximum."""
+"""The columns whose minimum is the best; of others it is the maximum."""
 
 
 class _Squares:
@@ -146,9 +146,9 @@ class _ByTime:
 
 
 class Judge:
-    """Follows a replay and gives its row of figures; ``truth`` is where the vehicle was, by times since boot.
+    """Follows a replay and returns its row of figures; ``truth`` is the path of the vehicle, by times since boot.
 
-    ``basis`` is what the vehicle's motion is made of, and ``notes`` tell how, if it flies a log again.
+    ``basis`` is what the vehicle's motion is made of, with ``notes`` on it, if it flies a log again.
     """
 
     def __init__(self, truth: Trajectory | None = None) -> None:
@@ -202,7 +202,7 @@ class Judge:
             self._places[vehicle.clock.micros64()] = ahrs.core.position()
 
     def row(self, outcome: ReplayOutcome) -> Row:
-        """Return the figures of a replay that is over, one a column of ``OBJECTIVES``, and ``BY_TIME``."""
+        """Return the figures of a finished replay, one for each column of ``OBJECTIVES``, and ``BY_TIME``."""
         row: Row = dict.fromkeys(OBJECTIVES)
         row |= _of_messages(outcome)
         if self._lags_ms:
@@ -244,7 +244,7 @@ class Judge:
 
 
 def timed_places(time_us: npt.NDArray[np.int64], places: Array) -> Trajectory:
-    """Return places without attitudes; of those that are not later than the one before nothing is left."""
+    """Return places without attitudes; those that are not later than the one before are left out."""
     kept = np.diff(time_us, prepend=-1) > 0
     return Trajectory(time_us[kept] * 1000, places[kept], np.tile((1.0, 0.0, 0.0, 0.0), (kept.sum(), 1)))
 
@@ -255,12 +255,12 @@ def _distance(time_us: Array, places: Array, track: Array) -> float | None:
         return None
     after = np.clip(np.searchsorted(track[:, 0], time_us), 1, len(track) - 1)
     near = (time_us >= track[0, 0]) & (time_us <= track[-1, 0]) & (track[after, 0] - track[after - 1, 0] < _GAP_US)
-    ways = places - np.column_stack([np.interp(time_us, track[:, 0], track[:, axis]) for axis in (1, 2, 3)])
-    return float(np.sqrt(np.mean(np.sum(ways[near] ** 2, axis=1)))) if near.any() else None
+    errors = places - np.column_stack([np.interp(time_us, track[:, 0], track[:, axis]) for axis in (1, 2, 3)])
+    return float(np.sqrt(np.mean(np.sum(errors[near] ** 2, axis=1)))) if near.any() else None
 
 
 def _gates(vehicle: Vehicle) -> Callable[[str], float]:
-    """Return what tells the gate of a kind of sample in standard deviations, by the parameters of the moment."""
+    """Return a function from a kind of sample to its gate in standard deviations, by the present parameters."""
     known: dict[str, float] = {}
     generation = -1
 
@@ -292,7 +292,7 @@ def _of_messages(outcome: ReplayOutcome) -> Row:
         "ignored": counts[Outcome.IGNORED],
         "dropped": counts[Outcome.DROPPED],
         "texts": len(outcome.texts),
-        "warnings": sum(said.severity <= _WARNING for said in outcome.texts),
+        "warnings": sum(text.severity <= _WARNING for text in outcome.texts),
     }
 
 

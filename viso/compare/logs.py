@@ -24,7 +24,7 @@ def estimate_differences(replay: EkfReplay, core: int = 0) -> Iterator[Differenc
     yield from texts.differences
 
 
-def compare_log(path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]) -> Comparison:
+def compare_log(path: Path, firmware: Firmware, on_progress: Callable[[int, int], None]) -> Comparison:
     """Run the filter over a log and compare.
 
     Raises NothingToCompare if it has no replay records, or no estimates; InputError if it cannot be read.
@@ -49,7 +49,6 @@ def compare_log(path: Path, firmware: Firmware, named: str, on_progress: Callabl
         path,
         LOG,
         firmware.name,
-        named,
         run.frames,
         records,
         records * len(FIELDS) + texts,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a replay cannot say about a parameter, because of what moves its vehicle."""
+"""Parameters that a replay cannot judge, because of what moves its vehicle."""
 
 from collections.abc import Iterable, Iterator
 from typing import Final
@@ -8,7 +8,7 @@ from typing import Final
 from viso.vehicle.sensors.flight import Basis
 
 OF_THE_STREAM: Final = ("VISO_DELAY_MS", "VISO_SCALE", "VISO_ORIENT", "VISO_POS_X", "VISO_POS_Y", "VISO_POS_Z")
-"""What says how a stream belongs to the vehicle's own motion."""
+"""The parameters that relate a stream to the vehicle's own motion."""
 
 _UNMOVED: Final = {
     "follow": "the vehicle moves as the stream says, whatever this is",
@@ -26,7 +26,7 @@ def unobservable(name: str, imu: str) -> str | None:
 
 
 def caution(name: str, basis: Basis | None) -> str | None:
-    """Return what speaks against what is found for a parameter; None where nothing does.
+    """Return the reason for caution about a result for a parameter; None without one.
 
     ``basis`` is what the motion of the vehicle is made of; None for anything but a log.
     """

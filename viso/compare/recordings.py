@@ -35,14 +35,14 @@ class RecordingKind(NamedTuple):
         endings: the endings of file names, in small letters.
         is_begun_by: says by the first line of a JSON file whether it is of this kind; None for endings of its own.
         firmware_of: returns the profile of the release that a recording names, or None.
-        compare: compares a recording with a profile; takes the name of the profile that it names, empty for none.
+        compare: compares a recording with a profile.
     """
 
     content: str
     endings: tuple[str, ...]
     is_begun_by: Callable[[Any], bool] | None
     firmware_of: Callable[[Path], Firmware | None]
-    compare: Callable[[Path, Firmware, str, Progress], Comparison]
+    compare: Callable[[Path, Firmware, Progress], Comparison]
 
 
 _LINES: Final = (".jsonl", ".jsonl.gz")
@@ -155,18 +155,19 @@ def recordings_in(paths: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
 def compare_recording(
     path: Path, firmware: Firmware | None = None, on_progress: Progress = lambda _done, _all: None
 ) -> Comparison:
-    """Hold a recording against a profile: None for the one that it names, or for what it is most like if it names none.
+    """Compare a recording with a profile: None for the one that it names, or the one that it is most like.
 
     Raises InputError if the recording cannot be used.
     """
     kind = kind_of(path)
-    told = kind.firmware_of(path)
-    if firmware is None and told is None:
+    named = kind.firmware_of(path)
+    if firmware is None and named is None:
         found = compare_with_all(path, on_progress)
         names = most_like([found])
         best = found[names[0]]
         return replace(best, notes=(*best.notes, f"it names no release; it is most like {' and '.join(names)}"))
-    return kind.compare(path, firmware or told or REFERENCE, _name(told), on_progress)
+    comparison = kind.compare(path, firmware or named or REFERENCE, on_progress)
+    return replace(comparison, named=_name(named))
 
 
 def _name(firmware: Firmware | None) -> str:
@@ -174,10 +175,11 @@ def _name(firmware: Firmware | None) -> str:
 
 
 def compare_with_all(path: Path, on_progress: Progress) -> dict[str, Comparison]:
-    """Hold a recording against each profile, by name. Raises InputError if it cannot be used."""
+    """Compare a recording with each profile, by name. Raises InputError if it cannot be used."""
     kind = kind_of(path)
     named = _name(kind.firmware_of(path))
-    return {name: kind.compare(path, profile, named, on_progress) for name, profile in PROFILES.items()}
+    found = ((name, kind.compare(path, profile, on_progress)) for name, profile in PROFILES.items())
+    return {name: replace(comparison, named=named) for name, comparison in found}
 
 
 def most_like(found: Iterable[Mapping[str, Comparison]]) -> list[str]:

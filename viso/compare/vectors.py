@@ -16,6 +16,7 @@ from viso.files.text_files import read_lines
 from viso.firmware.releases import Firmware
 from viso.replay.vectors import VectorError, parse_line, recompute
 
+_UNITS: Final = {"corrected_us": "us"}
 _LABELS: Final = {
     "extnav": ["pos", "quat", "posErr", "angErr", "timeStamp_ms", "delay_ms", "resetTime_ms"],
     "extvel": ["vel", "err", "timeStamp_ms", "delay_ms"],
@@ -29,32 +30,23 @@ _LABELS: Final = {
 """The labels of each consequence's values."""
 
 
-def line_differences(number: int, recorded: Any, ours: Any) -> Iterator[Difference]:
-    """Yield what differs between a line of vectors, the number of which is from 1, and the same recomputed."""
-    place = f"line {number}"
-    if isinstance(recorded, list):
-        yield from _differences(place, *([Row(str(one[0]), _labelled([""], one[2:]))] for one in (recorded, ours)))
-    elif "samples" in recorded:
-        for index, pair in enumerate(zip(recorded["samples"], ours["samples"], strict=True)):
-            rows = ([Row("", _labelled(["corrected_us"], one[2:]))] for one in pair)
-            yield from _differences(f"{place}, sample {index}", *rows)
-    else:
-        for index, (theirs, mine) in enumerate(zip(recorded["steps"], ours["steps"], strict=True)):
-            if theirs != mine:
-                yield from _differences(f"{place}, step {index}", _rows(theirs), _rows(mine))
+Place = tuple[str, list[Row]]
+"""Where a call stands in its line, and what came of it."""
 
 
-def _differences(place: str, recorded: Sequence[Row], ours: Sequence[Row]) -> Iterator[Difference]:
-    return row_differences(place, recorded, ours, {}, units={"corrected_us": "us"}, names="out")
+def _places(line: Any) -> list[Place]:
+    """Return the calls of a line."""
+    if isinstance(line, list):
+        return [("", [Row(str(line[0]), _labelled([""], line[2:]))])]
+    if "samples" in line:
+        labels = ["corrected_us"]
+        return [
+            (f", sample {index}", [Row("", _labelled(labels, one[2:]))]) for index, one in enumerate(line["samples"])
+        ]
+    return [(f", step {index}", _consequences(one)) for index, one in enumerate(line["steps"])]
 
 
-def _labelled(labels: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
-    """Return values by their labels; those without a label by their numbers."""
-    named = zip_longest(labels, values, fillvalue=ABSENT)
-    return {str(number) if label is ABSENT else label: value for number, (label, value) in enumerate(named)}
-
-
-def _rows(step: Any) -> list[Row]:
+def _consequences(step: Any) -> list[Row]:
     out = step[-1].get("out") if isinstance(step[-1], dict) else None
     if not isinstance(out, list) or not all(isinstance(one, list) and one for one in out):
         raise VectorError(f"a step without a list of consequences in 'out': {str(step)[:60]}")
@@ -63,7 +55,20 @@ def _rows(step: Any) -> list[Row]:
     return [Row(str(name), _labelled(_LABELS.get(name, []), values)) for name, *values in named]
 
 
-def compare_vectors(path: Path, firmware: Firmware, named: str, on_progress: Callable[[int, int], None]) -> Comparison:
+def _labelled(labels: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
+    """Return values by their labels; those without a label by their numbers."""
+    named = zip_longest(labels, values, fillvalue=ABSENT)
+    return {str(number) if label is ABSENT else label: value for number, (label, value) in enumerate(named)}
+
+
+def line_differences(number: int, recorded: Any, ours: Any) -> Iterator[Difference]:
+    """Yield what differs between a line of vectors, the number of which is from 1, and the same recomputed."""
+    for (where, theirs), (_, mine) in zip(_places(recorded), _places(ours), strict=True):
+        if theirs != mine:
+            yield from row_differences(f"line {number}{where}", theirs, mine, {}, units=_UNITS, names="out")
+
+
+def compare_vectors(path: Path, firmware: Firmware, on_progress: Callable[[int, int], None]) -> Comparison:
     """Recompute vectors and compare, bit by bit.
 
     Raises InputError if the file cannot be read, or a line has no known form.
@@ -78,17 +83,9 @@ def compare_vectors(path: Path, firmware: Firmware, named: str, on_progress: Cal
             differences += line_differences(number, recorded, ours)
         except VectorError as error:
             raise InputError(f"{path}:{number}: {error}") from error
-        calls, made = _outputs(ours)
-        steps, outputs, fields = steps + calls, outputs + len(made), fields + sum(made)
+        places = _places(ours)
+        rows = [row for _, made in places for row in made]
+        steps, outputs = steps + len(places), outputs + len(rows)
+        fields += len(ours[2]) if isinstance(ours, list) else sum(max(1, len(row.values)) for row in rows)
         on_progress(done, len(lines))
-    return Comparison(path, VECTORS, firmware.name, named, steps, outputs, fields, tuple(differences))
-
-
-def _outputs(ours: Any) -> tuple[int, list[int]]:
-    """Return how many calls a line holds, and of each output how many fields it has."""
-    if isinstance(ours, list):
-        return 1, [len(ours[2])]
-    if "samples" in ours:
-        return len(ours["samples"]), [1] * len(ours["samples"])
-    made = [max(1, len(one) - (2 if one[0] == "log" else 1)) for step in ours["steps"] for one in step[-1]["out"]]
-    return len(ours["steps"]), made
+    return Comparison(path, VECTORS, firmware.name, steps, outputs, fields, tuple(differences))

@@ -32,7 +32,7 @@ Out = list[object]
 
 
 class VectorError(ValueError):
-    """A line that is not of a known form; the text says what is wrong."""
+    """A line has no known form; the text says what is wrong."""
 
 
 _MALFORMED: Final = (TypeError, KeyError, ValueError, OverflowError)

@@ -21,7 +21,7 @@ from viso.logs.recorded import table_of
 Ints = npt.NDArray[np.int64]
 
 AFTER_THE_FILTER: Final = ("XKF4", "ROFH", "REPH", "REVH", "RBOH", "RSO3", "RSLL", "REV3")
-"""What comes after the filter has run in a frame, whether or not RFRF has already said so."""
+"""Records that follow the filter's run in a frame; RFRF, which confirms the run, may come before or after them."""
 
 EKF3_RUNS: Final = 4 | 8  # of RFRF.FTypes: starts, runs
 _SLOW_EKF3: Final = 4  # first bit of RFRF.Slow that is about EKF3
@@ -30,7 +30,7 @@ _CHUNK: Final = 4096
 
 
 def _numbers(log: LogColumns, kind: str, *labels: str) -> Array:
-    """Return fields of all records of a kind, a row a record, of which there may be none."""
+    """Return fields of all records of a kind, a row for each record."""
     if not log.counts.get(kind):
         return np.zeros((0, len(labels)))
     try:
@@ -44,7 +44,7 @@ class Frames:
 
     Attributes:
         time_us: of each, since boot.
-        is_told: whether RFRF says so. The filter starts in no other frame.
+        is_confirmed: whether RFRF confirms it. The filter starts in no other frame.
         starts: where that is in the log, in bytes.
         runs: where EKF3 has run at the latest: the same, or before what comes after it in the frame.
         begins, begin_times_us: where all frames begin, whether or not EKF3 runs in them, and when.
@@ -69,7 +69,7 @@ class Frames:
         late = _value_within(done_at, done[:, 1], self.begins, ends).astype(np.int64) >> _SLOW_EKF3
         kept = latest < _NEVER - 1
         self.runs: Ints = latest[kept]
-        self.is_told = (starts < _NEVER)[kept]
+        self.is_confirmed = (starts < _NEVER)[kept]
         self.starts: Ints = np.where(starts < _NEVER, starts, latest)[kept]
         self.time_us: Ints = self.begin_times_us[kept]
         self._flying_ms, self._late = times[:count, 1][kept], late[kept]
@@ -83,7 +83,7 @@ class Frames:
         return len(self.time_us)
 
     def problem(self) -> tuple[int, RecordError] | None:
-        """Return from which place in the log on it cannot be used, in bytes, and why; None if all of it can."""
+        """Return the place in bytes from which on the log cannot be used, and why; None if all of it can."""
         found = [imu.bad for imu in self._imus if imu.bad is not None]
         backwards = np.flatnonzero(np.diff(self.begin_times_us) < 0)
         if len(backwards):
@@ -96,7 +96,7 @@ class Frames:
         return place, RecordError(text)
 
     def imus_with_data(self, frame: int) -> list[int]:
-        """Return the numbers of the IMUs that have said something up to a frame."""
+        """Return the numbers of the IMUs that have data up to a frame."""
         return [number for number, imu in enumerate(self._imus) if imu.row[frame] >= 0]
 
     def usable(self, frame: int, imu: int) -> tuple[bool, bool]:
@@ -105,16 +105,15 @@ class Frames:
         return bool(flags & USE_GYRO), bool(flags & USE_ACCEL)
 
     def changes_of_use(self) -> Ints:
-        """Return the frames from which on another IMU has data, or may be used or not."""
+        """Return the frames at which the IMUs that have data, or that may be used, change."""
         changed = [np.flatnonzero(np.diff(imu.use_of_frames())) + 1 for imu in self._imus]
         return np.unique(np.concatenate(changed))
 
     def rows(self, frame: int, imus: int) -> tuple[list[float], int, int]:
-        """Return rows for the filter with the data of some IMUs, the first of which is of a frame, and up to which.
+        """Return rows for the filter with the data of the first ``imus`` IMUs, among them that of a frame.
 
         Returns:
-            The rows of several frames, one after the other, and the numbers of the first frame and of that after the
-            last.
+            The rows of several frames, one after the other; the number of the first frame, and that after the last.
         """
         chunk = frame // _CHUNK
         first, end = chunk * _CHUNK, min((chunk + 1) * _CHUNK, len(self))
@@ -133,12 +132,12 @@ class Frames:
 
 
 class _Imu:
-    """What an IMU says.
+    """The data of an IMU.
 
     Attributes:
         deltas, flags: of each of its records.
-        row: the number of the record that stands in each frame, -1 before the first.
-        bad: where the first record is that cannot be used, in bytes, and why; None if all can.
+        row: the number of the record that holds in each frame, -1 before the first.
+        bad: the place in bytes of the first record that cannot be used, and why; None if all can.
     """
 
     def __init__(self, readings: Array, places: Ints, until: Ints) -> None:
@@ -151,7 +150,7 @@ class _Imu:
             self.bad = int(places[record]), f"RISI.{INERTIAL[column]} is {self.deltas[record, column]}"
 
     def use_of_frames(self) -> Ints:
-        """Return a number for each frame that says whether it has data and which of its sensors may be used."""
+        """Return for each frame the flags of the sensors that may be used; -1 without data."""
         if not len(self.flags):
             return self.row
         use: Ints = np.where(self.row >= 0, self.flags[np.maximum(self.row, 0)] & (USE_ACCEL | USE_GYRO), -1)
@@ -159,14 +158,14 @@ class _Imu:
 
 
 def _first_within(places: Ints, begins: Ints, ends: Ints) -> Ints:
-    """Return the first of some growing places in each of some stretches; never where there is none."""
+    """Return the first place in each stretch from begin to end; _NEVER where there is none. Places are sorted."""
     found = np.append(places, _NEVER)[np.searchsorted(places, begins)]
     inside: Ints = np.where(found < ends, found, _NEVER)
     return inside
 
 
 def _value_within(places: Ints, values: Array, begins: Ints, ends: Ints) -> Array:
-    """Return the value at the first of some growing places in each of some stretches; 0 where there is none."""
+    """Return the value at the first place in each stretch; 0 where there is none. Places are sorted."""
     at = np.searchsorted(places, begins)
     is_inside = np.append(places, _NEVER)[at] < ends
     found: Array = np.where(is_inside, np.append(values, 0.0)[at], 0.0)

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the replay records of a log say of all sensors but IMUs, frame after frame (AP_DAL/LogStructure.h).
+"""The data of all sensors but IMUs in the replay records of a log (AP_DAL/LogStructure.h).
 
-A value stands until another record of its kind comes: most records are written only when they differ.
+A value holds until the next record of its kind: most records are written only when they differ.
 """
 
 import math
@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 
 class Reading(NamedTuple, Generic[T]):
-    """What one of several sensors says, and whether it can be used."""
+    """The value of one of several sensors, and whether it can be used."""
 
     value: T
     is_healthy: bool
@@ -40,14 +40,14 @@ _NO_RANGE: Final = FinderState((0.0, 0.0, 0.0), 0.0, 0, RangeStatus.NOT_CONNECTE
 
 
 def flow_of(record: Any) -> FlowMeasurement:
-    """Return what ROFH says of a flow sensor; its offset is its place on the vehicle."""
+    """Return the measurement of a flow sensor in ROFH; its offset is its place on the vehicle."""
     flow_x, flow_y, gyro_x, gyro_y, x, y, z = numbers(record, "FX", "FY", "GX", "GY", "PX", "PY", "PZ")
     (quality,) = whole(record, "Qual")
     return FlowMeasurement(quality, (flow_x, flow_y), (gyro_x, gyro_y), (x, y, z))
 
 
 class GpsRecords:
-    """The primary GPS as RGPH, RGPI and RGPJ leave it."""
+    """The GPS receivers by RGPH, RGPI and RGPJ."""
 
     def __init__(self) -> None:
         self._count = self._primary = 0
@@ -58,7 +58,7 @@ class GpsRecords:
         self._last_fix_ms: dict[int, int] = {}
 
     def take(self, record: Any) -> None:
-        """Take how many there are and which is the primary one, what changes seldom, or a solution."""
+        """Take a record: RGPH has the number of receivers, RGPI what changes seldom, RGPJ a solution."""
         kind = record.get_type()
         if kind == "RGPH":
             self._count, self._primary = whole(record, "NumInst", "Primary")
@@ -70,7 +70,7 @@ class GpsRecords:
             self._fast[instance(record)] = record
 
     def lag_s(self) -> float | None:
-        """Return how late the primary GPS is, s; None while it cannot be said."""
+        """Return the lag of the primary GPS, s; None while it is unknown."""
         flags, *_ = self._slow.get(self._primary, (0,))
         return self._lags_s[self._primary] if flags & _LAG else None
 
@@ -107,7 +107,7 @@ class GpsRecords:
 
 
 class ReplayInputs:
-    """The sensors as the records taken so far leave them.
+    """The sensors by the records taken so far.
 
     Attributes:
         flags: of the frame, as ``replay_log`` names some.
@@ -117,13 +117,13 @@ class ReplayInputs:
         loop_dt: of the main loop, s.
         baros: time of the reading in ms, and height in m, by barometer.
         primary_baro: the one in use.
-        compasses: what the compasses say; the same until that changes.
+        compasses: the readings of the compasses; the same object until one changes.
         declination: of the magnetic field, rad.
-        camera_frd: where the camera is on the vehicle, m; None while there is none.
-        camera_delay_ms: how late it is.
-        ranges: what the range finders say, with their places on the vehicle; None before the first record.
+        camera_frd: the place of the camera on the vehicle, m; None while there is none.
+        camera_delay_ms: its delay.
+        ranges: the state of the range finders, with their places on the vehicle; None before the first record.
         gps: the newest solution of the primary GPS; None while there is none.
-        gps_lag_s: how late that GPS is; None while it cannot be said.
+        gps_lag_s: the lag of that GPS; None while it is unknown.
     """
 
     def __init__(self) -> None:
@@ -158,7 +158,7 @@ class ReplayInputs:
         }
 
     def take(self, record: Any) -> bool:
-        """Take the next record of the log; say whether it is about sensors. Raises RecordError if it cannot be used."""
+        """Take a record; return whether it is one of a sensor. Raises RecordError if it cannot be used."""
         handler = self._handlers.get(record.get_type())
         if handler is not None:
             handler(record)
@@ -238,7 +238,7 @@ class ReplayInputs:
 
 
 class CoreInputs:
-    """The sensors of a core by its number: those of that number, if it has affinity by EK3_AFFINITY."""
+    """The sensors of a core: with affinity (EK3_AFFINITY) those of its number (update_sensor_selection)."""
 
     def __init__(self, inputs: ReplayInputs, number: int) -> None:
         self._inputs = inputs
@@ -256,7 +256,7 @@ class CoreInputs:
         return None if primary is None else primary.value
 
     def compasses(self, affinity: int) -> Compasses:
-        """Return what the compasses say, and which of them is the core's own: the same until that changes."""
+        """Return the readings of the compasses and the core's own one: the same object until one changes."""
         given = self._inputs.compasses
         if not affinity & AFFINITY_MAG:
             return given
@@ -277,15 +277,12 @@ class CoreInputs:
 
 
 def declination_of(headings: Iterable[Any]) -> float | None:
-    """Return the first declination that the compasses were given; the firmware's table had it from the origin on.
-
-    ``headings`` are the RMGH records of a log.
-    """
+    """Return the first declination of some RMGH records; the firmware's table has it from the origin on."""
     return next((declination for record in headings if (declination := finite(record, "Dec")[0])), None)
 
 
 def field_of(records: Iterable[Any], declination: float | None) -> Array | None:
-    """Return the earth's field by the firmware's table, Gauss, NED, of which no replay record tells.
+    """Return the earth's field by the firmware's table, Gauss, NED, which no replay record has.
 
     The estimate of it begins there as the origin is set. XKF2 has that cut off to 1 mGauss. ``records`` are the MSG and
     XKF2 records of a log.

@@ -15,7 +15,7 @@ from ekf_stub.reports import CoreReport
 from viso.files.outputs import output_file
 from viso.logs.logger import STRUCTURES
 
-# However little the firmware was told to log (EK3_LOG_LEVEL): the estimates are what this log is for.
+# Whatever the level of the firmware's own log: the estimates are what this log is for.
 _ALWAYS: Final = {"EK3_LOG_LEVEL": 0}
 
 
@@ -43,7 +43,7 @@ class EkfOutput:
         self._data += self._writer.record(structure, values)
 
     def begin(self, parameters: Iterable[ParameterRecord], time_us: int) -> None:
-        """Append what every log begins with: the description of its records, and the parameters."""
+        """Append the start of every log: the description of its records, and the parameters."""
         self._data += b"".join(self._writer.start_up(parameters, time_us=time_us))
 
     def parameter(self, name: str, value: float, time_us: int) -> None:
@@ -51,11 +51,11 @@ class EkfOutput:
         self._data += self._writer.parameter(name, value, time_us=time_us)
 
     def passed(self, number: int, core: Core, time_us: int) -> None:
-        """Append what a core writes by itself, after a pass in which it has something to log."""
+        """Append what a core logs by itself after a pass."""
         self._estimates_of(number).log_pass(core, time_us)
 
     def estimates(self, number: int, report: CoreReport, time_us: int) -> None:
-        """Append what a core says at a moment."""
+        """Append the estimates of a core at a time."""
         self._estimates_of(number).write_streaming(report, time_us)
 
     def save(self, path: Path) -> None:

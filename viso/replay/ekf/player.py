@@ -52,32 +52,32 @@ _USUAL: Final = {"EK3_AFFINITY": 0.0, "EK3_ERR_THRESH": 0.2, "EK3_OPTIONS": 0.0,
 
 
 class PlayerEvents(TextSink, Protocol):
-    """Who hears what the filter says, and what the vehicle does to it."""
+    """Receives the texts of the filter, and what the vehicle does to it."""
 
     def passed(self) -> None:
-        """Hear that the filter has run up to a pass of which there is something to say or to log."""
+        """Follow a run up to a pass in which there is something to log."""
 
     def source_set(self, index: int) -> None:
-        """Hear that a source set was chosen, 0..2."""
+        """Take the source set that was chosen, 0..2."""
 
     def origin(self, place: Location) -> None:
-        """Hear that the origin was set."""
+        """Take the origin that was set."""
 
 
 class EkfPlayer:
     """The filter's cores on the inputs of a log.
 
     Args:
-        events: who hears of it.
-        frames: of the log.
+        events: the receiver of texts and events.
+        frames: the frames of the log.
         only: the number of the core to run, None for all.
 
     Attributes:
         params: the parameters as the log has them so far.
-        place_declination: of the magnetic field at the origin, rad, as far as it is known; None otherwise.
-        place_field: that field as the firmware's table of the world has it, Gauss, NED, as far as it is known.
+        place_declination: the declination at the origin, rad; None if it is unknown.
+        place_field: the magnetic field at the origin by the firmware's table, Gauss, NED; None if it is unknown.
         imus: the IMU of each core that is run, by the core's number; empty before the first frame.
-        lanes: the cores, in that order; None until the log says that they have been started.
+        lanes: the cores, in that order; None until they start.
         time_us: the time of the present frame, since boot.
         next_frame: the number of the first frame that has not been run.
     """
@@ -135,11 +135,11 @@ class EkfPlayer:
         return list(self.imus)[0 if self.lanes is None else self.lanes.primary]
 
     def report(self, number: int) -> CoreReport:
-        """Return what a core says at present."""
+        """Return the present estimates of a core."""
         return UNINITIALISED if self.lanes is None else report_of(self.lanes, list(self.imus).index(number))
 
     def take(self, record: Any) -> None:
-        """Take the next record of the log that is more than inertial data, whatever it is.
+        """Take the next record of the log that is more than inertial data.
 
         Raises RecordError if the filter cannot go on with it.
         """
@@ -149,7 +149,7 @@ class EkfPlayer:
         handler = self._handlers.get(record.get_type())
         if handler is not None:
             handler(record)
-            self._tell()
+            self._send_texts()
 
     def _take_parm(self, record: Any) -> None:
         (self.params[text(record, "Name")],) = finite(record, "Value")
@@ -181,7 +181,7 @@ class EkfPlayer:
         if not self.imus:
             self._begin()
         self._follow_imus(frame)
-        if self._frames.is_told[frame] and all(map(self._imus.has_data_of, self.imus.values())):
+        if self._frames.is_confirmed[frame] and all(map(self._imus.has_data_of, self.imus.values())):
             self._make_cores()
         if self.lanes is None:
             rows, first, _ = self._frames.rows(frame, len(self._imus.imus))
@@ -192,7 +192,7 @@ class EkfPlayer:
             self.next_frame = frame
 
     def _run_block(self, lanes: Lanes, end: int) -> None:
-        """Run frames from the next one on, up to one of which there is something to say."""
+        """Run frames from the next one on, up to one in which there is something to log."""
         frame = self.next_frame
         changes = self._changes_of_use
         at = int(np.searchsorted(changes, frame))
@@ -206,7 +206,7 @@ class EkfPlayer:
         rows, first, last = self._frames.rows(frame, len(self._imus.imus))
         self.next_frame = first + lanes.advance(rows, frame - first, min(end, last) - first)
         self.time_us = lanes.now_us
-        self._tell()
+        self._send_texts()
         self._events.passed()
 
     def _follow_imus(self, frame: int) -> None:
@@ -259,7 +259,7 @@ class EkfPlayer:
             self._core_params.read(lambda name: self.param(f"EK3_{name}"))
 
     def _set_inputs(self, lanes: Lanes) -> None:
-        """Give the cores what the records of sensors have said since the last block."""
+        """Give the cores the data of sensors since the last block."""
         self._inputs_changed = False
         self._read_params()
         self._imus.first_gyro, self._imus.first_accel = self.inputs.first_gyro, self.inputs.first_accel
@@ -294,8 +294,8 @@ class EkfPlayer:
         x, y, z = (self.param(f"INS_POS{accel + 1}_{axis}") for axis in "XYZ")
         return x, y, z
 
-    def _tell(self) -> None:
-        """Tell what the cores have said."""
+    def _send_texts(self) -> None:
+        """Send the texts of the cores."""
         if self.lanes is None:
             return
         for text_ in self.lanes.texts:
@@ -349,7 +349,7 @@ class EkfPlayer:
         lat, lng, alt_cm = map(i32, whole(record, "Lat", "Lon", "Alt"))
         place = Location(lat, lng, alt_cm)
         if self.lanes is not None and self.lanes.set_origin(place):
-            self._tell()
+            self._send_texts()
             self._events.origin(place)
 
     def _take_rsll(self, record: Any) -> None:

@@ -35,7 +35,7 @@ LABELS: Final = (
     *("Roll", "Pitch", "Yaw", "VN", "VE", "VD", "PN", "PE", "PD"),
     *("IVN", "IVE", "IVD", "IPN", "IPE", "IPD", "SV", "SP", "SH", "OFN", "OFE", "TS", "SS"),
 )
-"""What is compared, by the labels of XKF1, XKF3 and XKF4; angles in deg."""
+"""The labels of XKF1, XKF3 and XKF4 that are compared; angles are in deg."""
 
 FIELDS: Final[Mapping[str, str]] = {
     label: f"{structure.name}.{label}"
@@ -43,10 +43,10 @@ FIELDS: Final[Mapping[str, str]] = {
     for structure in (XKF1, XKF3, XKF4)
     if label in structure.fields
 }
-"""The same as ``RECORD.Label``."""
+"""The labels as ``RECORD.Label``."""
 
 Texts = list[tuple[float, str]]
-"""Times in s, and texts."""
+"""Texts, each with its time in s since boot."""
 
 LANE_TEXTS: Final = ("EKF3 lane switch", "EKF primary changed")
 _NO_REPLAY: Final = "no replay records; LOG_REPLAY was off, or the EKF was"
@@ -56,19 +56,19 @@ _READ: Final = (
     *AFTER_THE_FILTER,
     *("XKF1", "XKF3"),
 )
-"""What is read record by record; RFRH, RISI and RFRF, of which each frame has some, are read by columns."""
+"""The types that are read record by record; RFRH, RISI and RFRF, which each frame has, are read by columns."""
 
 _PROGRESS_FRAMES: Final = 1000
 
 
 @dataclass(frozen=True)
 class EkfReplay:
-    """What a core of the filter and of the log says at the log's times.
+    """The estimates of a core by the filter and by the log, at the log's times.
 
     Attributes:
-        time_s: shape (n,), since boot.
-        ours, recorded: shape (n,) each, by label.
-        our_texts, recorded_texts: what the core says, without the beginning that names it.
+        time_s: the times since boot, shape (n,).
+        ours, recorded: the estimates by label, shape (n,) each.
+        our_texts, recorded_texts: the texts of the core, without the beginning that names it.
     """
 
     time_s: Array
@@ -78,7 +78,7 @@ class EkfReplay:
     recorded_texts: Texts
 
     def until(self, end_s: float) -> "EkfReplay":
-        """Return what was said up to a time."""
+        """Return the estimates and texts up to a time."""
         kept = self.time_s <= end_s
         return EkfReplay(
             self.time_s[kept],
@@ -95,11 +95,11 @@ def until(texts: Texts, end_s: float) -> Texts:
 
 
 class NothingToCompare(InputError):
-    """A file is no recording whose outputs can be compared: a log without replay records or estimates, for one."""
+    """A file has no outputs to compare, such as a log without replay records or estimates."""
 
 
 class _Row(NamedTuple):
-    """The estimates of a moment, by label."""
+    """The estimates at a time, by label."""
 
     time_s: float
     ours: dict[str, float]
@@ -107,18 +107,18 @@ class _Row(NamedTuple):
 
 
 class EkfRun:
-    """One run of the filter over a log (.BIN or .BIN.xz), up to where it is interrupted.
+    """A run of the filter over a log (.BIN or .BIN.xz).
 
     Args:
-        until_s: where to end, since boot.
+        until_s: the time since boot at which to end.
         core: the number of the core to run, None for all.
-        firmware: the release that it is run as; None for the one nearest to what the log was written by.
+        firmware: the release of the filter; None for the one nearest to the release that wrote the log.
 
     Attributes:
         firmware: the release; None before it is known.
-        frames: how many have been run.
-        output: the log that comes of it.
-        notes: what the log's parameters ask for in vain, a line each.
+        frames: the number of frames that have been run.
+        output: the filter's log.
+        notes: parameters of the log that have no effect here, a line each.
         our_lanes, recorded_lanes: the texts of changes of the primary core.
     """
 
@@ -160,7 +160,7 @@ class EkfRun:
 
     @property
     def frames(self) -> int:
-        """How many frames have been run."""
+        """The number of frames that have been run."""
         return 0 if self._player is None else self._player.next_frame
 
     @property
@@ -169,14 +169,14 @@ class EkfRun:
 
     @property
     def time_s(self) -> float:
-        """How far it has come, since boot."""
+        """The time since boot that the run has reached."""
         return self._time_us / 1e6
 
     def run(self, on_progress: Callable[[int, int], None] = lambda _frames, _all: None) -> None:
         """Run to the end.
 
         Args:
-            on_progress: told the frames that have been, and how many there are, a few times per second.
+            on_progress: takes the number of frames so far and of all, a few times per second.
 
         Raises:
             NothingToCompare: the log has no replay records.
@@ -236,7 +236,7 @@ class EkfRun:
                 self._write_estimates()
 
     def comparison(self, core: int = 0) -> EkfReplay | None:
-        """Return what can be compared of a core; None when the log has no estimates of its own."""
+        """Return the estimates of a core; None if the log has none of it."""
         rows = [row for row in self._rows[core] if len(row.recorded) == len(LABELS)]
         if not rows:
             return None
@@ -274,7 +274,7 @@ class EkfRun:
                 self.output.write(MSG, (self._time_us, note))
 
     def passed(self) -> None:
-        """Log what the cores write by themselves, and what the vehicle notes of them."""
+        """Log what the cores log by themselves, and what the vehicle notes of them."""
         self._begin_output()
         for number, core in self._playing.cores.items():
             self.output.passed(number, core, self._time_us)
@@ -345,7 +345,7 @@ class EkfRun:
 
 
 def recorded_firmware(log: LogColumns) -> Firmware | None:
-    """Return the profile that is nearest to what a log was written by; None if it does not tell."""
+    """Return the profile nearest to the release that wrote a log; None if the log does not name it."""
     messages = (text(record, "Message") for record in records_in(log, ["MSG"]))
     flown = next((version for message in messages if (version := version_in(message)) is not None), None)
     if flown is None:
