@@ -41,7 +41,6 @@ from viso.cli import make_app
 from viso.companion.engine import protocol as engine_protocol
 from viso.companion.sources.kinds import SOURCES
 from viso.companion.vio.config import VioConfig
-from viso.compare.figures import OBJECTIVES
 from viso.compare.recordings import RECORDING_KINDS
 from viso.compare.tolerances import TEXT_EXCEPTIONS, TOLERANCES
 from viso.doctor.checks import CHECKS as DOCTOR_CHECKS
@@ -55,6 +54,7 @@ from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
 from viso.recording.outputs import FILES as RECORDING_FILES
 from viso.recording.scenario import MOTIONS, SCENARIOS, STEPS, Scenario, Stream, read_scenario
+from viso.replay.figures import OBJECTIVES
 from viso.streams.messages import FORMS
 from viso.streams.readers import FORMATS as TRAJECTORY_FORMATS
 from viso.streams.stream_kinds import STREAM_KINDS

@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import typer
 
-from viso.compare.figures import Judge, Row, timed_places
 from viso.compare.merit import merit_rows
-from viso.compare.observability import doubts
 from viso.compare.outputs import firmware_tables, merit_lines, merit_table, replay_tables, setting_lines
 from viso.compare.two_replays import compare_replays
 from viso.doctor.evidence.set_up import Assumed, fitting, vision_carried
@@ -26,6 +24,8 @@ from viso.geometry.frame_change import PRESETS as AXES
 from viso.logs.recorded import read_columns
 from viso.logs.single import single_log
 from viso.replay.feed import ReplayedMessage
+from viso.replay.figures import Judge, Row, timed_places
+from viso.replay.observability import doubts
 from viso.replay.run import ReplayOutcome, ReplaySetup, run_replay, why_nothing_fused
 from viso.streams.heard import firmware_of_recording, params_heard, params_of_recording
 from viso.streams.messages import FORMS

@@ -10,11 +10,11 @@ from typing import Annotated, Any, Final
 import typer
 
 from ekf_stub.core.buffers import MAX_DELAY_MS
-from viso.compare.figures import BY_TIME, OBJECTIVES
-from viso.compare.observability import doubts
 from viso.errors import InputError
 from viso.firmware.releases import PROFILES
 from viso.geometry.frame_change import PRESETS as AXES
+from viso.replay.figures import BY_TIME, OBJECTIVES
+from viso.replay.observability import doubts
 from viso.streams.messages import FORMS
 from viso.streams.readers import FORMATS
 from viso.sweep.cluster import run_on_cluster

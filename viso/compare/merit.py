@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from viso.compare.figures import BY_TIME, OBJECTIVES, Row
+from viso.replay.figures import BY_TIME, OBJECTIVES, Row
 from viso.vehicle.outcomes.watch import UNITS
 
 SIGMAS: Final = 2.0

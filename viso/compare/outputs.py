@@ -15,7 +15,6 @@ from rich.text import Text
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.compare.comparison import Comparison
 from viso.compare.estimates import EstimateComparison
-from viso.compare.figures import OBJECTIVES, Row
 from viso.compare.merit import SIGMAS, merits, surplus
 from viso.compare.two_replays import (
     SHOWN,
@@ -26,6 +25,7 @@ from viso.compare.two_replays import (
     TextChange,
 )
 from viso.firmware.releases import PROFILES
+from viso.replay.figures import OBJECTIVES, Row
 from viso.replay.run import ReplayOutcome
 from viso.report import html
 from viso.terminal.console import reason_of

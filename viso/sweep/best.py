@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from viso.compare.figures import LOWER_IS_BETTER
 from viso.compare.merit import surplus
+from viso.replay.figures import LOWER_IS_BETTER
 
 RESOLUTIONS: Final[Mapping[str, float]] = {"VISO_DELAY_MS": 12.5}
 """What the filter cannot tell apart whatever the samples say: a step of it, in ms."""

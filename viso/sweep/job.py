@@ -13,7 +13,6 @@ import numpy as np
 import yaml
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
-from viso.compare.figures import Judge, Row
 from viso.documents import parsed_yaml
 from viso.errors import InputError, told_errors
 from viso.extras import installed_version
@@ -21,6 +20,7 @@ from viso.faults import Timeline, TimelineError, inject, parse_timeline
 from viso.firmware.releases import PROFILES
 from viso.geometry.trajectory import Trajectory
 from viso.logs.recorded import read_recorded_states
+from viso.replay.figures import Judge, Row
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.readers import Source
 from viso.streams.stream import timed_frames

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from viso.compare.figures import OBJECTIVES
 from viso.files.outputs import output_file
+from viso.replay.figures import OBJECTIVES
 from viso.sweep.best import best_rows
 from viso.sweep.plan import SweepPlan
 from viso.sweep.result_tables import changed_columns, found, swept_axes

@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from rich.table import Column, Table
 
-from viso.compare.figures import LOWER_IS_BETTER, OBJECTIVES
 from viso.compare.merit import SIGMAS
-from viso.compare.observability import unobservable
+from viso.replay.figures import LOWER_IS_BETTER, OBJECTIVES
+from viso.replay.observability import unobservable
 from viso.sweep.best import GROUPED_BY, RESOLUTIONS, Best, best_along, best_rows
 from viso.sweep.plan import DELAY, Recorded, SweepPlan
 

@@ -14,11 +14,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from viso.compare.figures import OBJECTIVES, Row
 from viso.documents import parsed_json
 from viso.errors import InputError, file_errors
 from viso.extras import pip_install
 from viso.files.outputs import output_file, reading, refuse_input, replace_file
+from viso.replay.figures import OBJECTIVES, Row
 from viso.sweep.job import Result
 from viso.sweep.plan import Point, SweepPlan
 

@@ -15,12 +15,12 @@ from typing import Any, Final
 import pytest
 
 from tests.places import DATA
-from viso.compare.tolerances import end_s
+from viso.compare.tolerances import BENCH, end_s, tolerances_of
 from viso.logs.recorded import read_log
 from viso.replay.ekf.run import EkfReplay, EkfRun
 
 LOGS: Final = DATA / "logs"
-SAME_TIME_S: Final = 0.25
+SAME_TIME_S: Final = tolerances_of(BENCH)["MSG.TimeUS"].within
 """How far apart an event of ours and the recorded one may be."""
 
 CORE_SAYS: Final = "EKF3 IMU0 "

@@ -21,7 +21,7 @@ import pytest
 from tests.places import ROOT
 from tests.unit.viso.command_line import Viso, failed_with
 from viso.commands import sweep as sweep_command
-from viso.compare.figures import OBJECTIVES
+from viso.replay.figures import OBJECTIVES
 from viso.sweep import job, planning
 from viso.sweep.job import Result
 from viso.sweep.plan import Point, SweepPlan

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from viso.compare.figures import BY_TIME, OBJECTIVES
 from viso.compare.merit import merit_rows, merits, surplus
 from viso.compare.outputs import merit_lines, merit_table
+from viso.replay.figures import BY_TIME, OBJECTIVES
 
 
 def row(nis: float, **figures: float) -> dict[str, Any]:

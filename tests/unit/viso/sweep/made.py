@@ -5,7 +5,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from viso.compare.figures import OBJECTIVES
+from viso.replay.figures import OBJECTIVES
 from viso.sweep.dimensions import Axis
 from viso.sweep.plan import InputFile, Recorded, Sampling, SweepPlan
 from viso.sweep.store import table_rows

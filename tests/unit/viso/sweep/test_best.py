@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from viso.compare.figures import BY_TIME
+from viso.replay.figures import BY_TIME
 from viso.sweep.best import Best, best_along, best_rows
 
 GROUP = {"stream": "s", "firmware": "f", "faults": "none", "seed": None}

@@ -13,9 +13,9 @@ from ekf_stub.ahrs.ahrs_recorded import RecordedStates
 from tests.places import DATA
 from tests.unit.viso.command_line import Viso
 from tests.unit.viso.sweep.conftest import CAPTURE, UNTIL_S, MakePlan
-from viso.compare.figures import BY_TIME, OBJECTIVES
 from viso.errors import InputError
 from viso.files.text_files import read_lines
+from viso.replay.figures import BY_TIME, OBJECTIVES
 from viso.streams.stream_kinds import TrajectoryOptions
 from viso.sweep import job
 from viso.sweep.job import Result, read_reference, run_point, timeline_of

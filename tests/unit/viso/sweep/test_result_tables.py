@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from tests.unit.viso.sweep.made import made_plan, made_rows
-from viso.compare.figures import BY_TIME
+from viso.replay.figures import BY_TIME
 from viso.sweep.dimensions import Axis
 from viso.sweep.plan import Sampling
 from viso.sweep.result_tables import best_as_dict, best_lines, changed_columns, found, result_table, swept_axis

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from viso.compare.figures import OBJECTIVES, Row
 from viso.errors import InputError
+from viso.replay.figures import OBJECTIVES, Row
 from viso.sweep.dimensions import Axis
 from viso.sweep.job import Result
 from viso.sweep.plan import InputFile, Recorded, SweepPlan

@@ -4,7 +4,7 @@
 
 import pytest
 
-from viso.compare.observability import OF_THE_STREAM, caution, doubts, unobservable
+from viso.replay.observability import OF_THE_STREAM, caution, doubts, unobservable
 from viso.vehicle.sensors.flight import Basis
 
 

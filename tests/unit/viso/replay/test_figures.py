@@ -13,8 +13,8 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
 from ekf_stub.reports import AidingMode
-from viso.compare.figures import BY_TIME, LOWER_IS_BETTER, OBJECTIVES, Judge, Row
 from viso.geometry.trajectory import Trajectory
+from viso.replay.figures import BY_TIME, LOWER_IS_BETTER, OBJECTIVES, Judge, Row
 from viso.replay.run import ReplayOutcome, SaidText
 from viso.vehicle.outcomes.watch import AidingSpan, FilterWatch, SampleTest
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
