@@ -30,7 +30,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ODOMETRY
-from tools.measured_page import commit, render
+from tools.measured import commit, render
 from tools.project_files import ROOT
 
 VISO: Final = (sys.executable, "-c", "from viso.cli import main; main()")

@@ -66,11 +66,6 @@ def _fixed(*commands: Command) -> Callable[[Run], list[Command]]:
     return lambda run: list(commands)
 
 
-def _docs(run: Run) -> list[Command]:
-    scripts = (ROOT / "tools" / name for name in ("make_docs.py", "make_messages.py"))
-    return [[sys.executable, str(script), "--check"] for script in scripts if script.exists()]
-
-
 def _clients(run: Run) -> list[Command]:
     return [_module("tools.interop_environment", "--set-up")] if run.everything else []
 
@@ -108,11 +103,14 @@ STEPS = (
     Step("format", "ruff format --check", _fixed(_program("ruff", "format", "--check", "."))),
     Step("lint", "ruff check: style, SPDX lines, banned names", _fixed(_program("ruff", "check", "."))),
     Step("types", "mypy, strict", _fixed(_module("mypy"))),
-    Step("layers", "who may import whom, and which modules", _fixed(_program("lint-imports", "--no-logo"))),
-    Step("house", "circles of imports, gaps in the plans of rooms", _fixed(_module("tools.house"))),
+    Step("layers", "who may import whom, and no circles", _fixed(_program("lint-imports", "--no-logo"))),
     Step("traces", "registry hosts and machine paths", _fixed(_module("tools.check_traces"))),
     Step("prose", "plain English in pages and docstrings", _fixed(_module("tools.prose"))),
-    Step("docs", "generated tables and code are current", _docs),
+    Step(
+        "docs",
+        "generated tables and code are current",
+        _fixed(*([sys.executable, f"tools/{name}.py", "--check"] for name in ("make_docs", "make_messages"))),
+    ),
     Step("clients", "the environment of the interop tests", _clients),
     Step("tests", "pytest, with everything also branch coverage", _tests),
     Step("pure", "the parity tests with the interpreted filter", _pure),

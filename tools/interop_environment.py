@@ -16,14 +16,12 @@ import shutil
 import ssl
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from tools import bootstrap, clients_table, interop_lock
+from tools import bootstrap
 from tools.bootstrap import ROOT, SetupError, Stamp
-from viso.errors import InputError
 
 NAME = ".venv-interop"
 LOCK = Path("requirements", "interop.lock")
@@ -117,27 +115,14 @@ def main(args: Sequence[str]) -> int:
     """Set up, then run the tests; return pytest's exit code, or 2 when set-up failed."""
     parser = argparse.ArgumentParser(prog="tools/interop", description="Run the tests with real clients.")
     parser.add_argument("--set-up", action="store_true", help="only make the environment")
-    parser.add_argument("--page", type=Path, help="tell there what the tests did, such as in docs/clients.md")
-    parser.add_argument("--lock", action="store_true", help="only remake the locks, with the newest versions")
     options = parser.parse_args(args)
-    if options.lock:
-        return interop_lock.remake()
     try:
-        environment = ensure()
-        return 0 if options.set_up else _run_tests(environment, options.page)
-    except (SetupError, InputError, OSError) as error:
+        ensure()
+    except (SetupError, OSError) as error:
         sys.stderr.write(f"viso: {error}\n")
         return 2
-
-
-def _run_tests(environment: Path, page: Path | None) -> int:
-    tests = [sys.executable, "-m", "pytest", "-n", "2", "--dist", "loadfile", "-m", "interop", "tests/interop"]
-    with tempfile.TemporaryDirectory(prefix="viso-interop-") as folder:
-        report = Path(folder, "report.xml")
-        code = subprocess.run([*tests, f"--junit-xml={report}"], cwd=ROOT, check=False).returncode
-        if page is not None:
-            clients_table.refresh(page, report, environment)
-    return code
+    tests = [sys.executable, "-m", "pytest", "-n", "2", "-m", "interop", "tests/interop"]
+    return 0 if options.set_up else subprocess.run(tests, cwd=ROOT, check=False).returncode
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ import dataclasses
 import enum
 import inspect
 import itertools
+import json
 import math
 import re
 import sys
@@ -35,7 +36,6 @@ from mav_handlers.senders import SENDERS, STREAM_GROUPS, inertial, nothing_to_re
 from mav_handlers.verdicts import ALL_VERDICTS
 from mav_handlers.wire.codec import full_length, message_id
 from mav_handlers.wire.messages import MESSAGES
-from tools import ekf_sources
 from viso.cli import COMMANDS as CLI_COMMANDS
 from viso.cli import make_app
 from viso.companion.engine import protocol as engine_protocol
@@ -469,6 +469,33 @@ def _web_faults() -> Iterator[tuple[str, ...]]:
         yield switch.label, switch.about
 
 
+_CLIENTS: Final = {
+    "MAVProxy": ("mavproxy", ("test_mavproxy",)),
+    "MAVSDK 4": ("mavsdk", ("test_mavsdk", "test_flying.test_mavsdk")),
+    "MAVSDK 3": ("mavsdk-grpc", ("test_mavsdk3",)),
+    "dronekit2": ("dronekit2", ("test_dronekit",)),
+    "node-mavlink": ("node-mavlink", ("test_node_mavlink",)),
+    "pymavlink": ("pymavlink", ("test_pymavlink_serve", "test_pymavlink_tools", "test_flying.test_example")),
+    "two by TCP, three by UDP, one by a serial port, at once": ("", ("test_several_clients",)),
+}
+"""Each client's package, and its tests in tests/interop: a file, and how their names begin in it."""
+
+
+def _clients() -> Iterator[tuple[str, ...]]:
+    root = DOCS.parent
+    node = json.loads((root / "tools/interop_node/package-lock.json").read_text(encoding="utf-8"))["packages"]
+    lock = (root / "requirements/interop.lock").read_text(encoding="utf-8")
+    versions = dict(re.findall(r"^([\w-]+)==([^\s;]+)", lock, re.MULTILINE))
+    versions |= {name.removeprefix("node_modules/"): one.get("version", "") for name, one in node.items() if name}
+    for client, (package, places) in _CLIENTS.items():
+        does = []
+        for file, _, start in (place.partition(".") for place in places):
+            text = (root / f"tests/interop/{file}.py").read_text(encoding="utf-8")
+            names = re.findall(r"^(?:async )?def test_(\w+)", text, re.MULTILINE)
+            does += [name.replace("_", " ") for name in names if f"test_{name}".startswith(start)]
+        yield client, versions.get(package, ""), "; ".join(does)
+
+
 def _layers() -> dict[str, list[list[str]]]:
     """Return the layers of each package, and of "" those of the packages, by the contracts of import-linter."""
     project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))
@@ -510,6 +537,7 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "filter_verdicts": (("code", "fate", "why", "basis", "where the firmware decides"), _filter_verdicts),
     "backends": (("VISO_TYPE", "name", "class", "what it does"), _backends),
     "links": (("connection string", "what it is"), _links),
+    "clients": (("client", "version", "what the tests do"), _clients),
     "cli": (("command", "what it does"), _cli),
     "presets": (("preset", "what it is for"), _presets),
     **{
@@ -522,10 +550,6 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "trajectory_formats": (("--format", "a record", "who writes it"), _trajectory_formats),
     "forms": (("--as", "what is sent"), _forms),
     "stream_kinds": (("kind", "endings", "what it holds", "parameters from"), _stream_kinds),
-    "ekf_sources": (
-        ("parameter", "value", "what it needs", "what arming says without", "here", "what the doctor says"),
-        ekf_sources.rows,
-    ),
     "sources": (("--source", "what it is", "axes of its IMU"), _sources),
     "faults": (("kind", "what happens", "parameters", "SITL", "`at_s`"), _fault_kinds),
     "fault_parameters": (("kind", "parameter", "default", "values", "what it is"), _fault_parameters),

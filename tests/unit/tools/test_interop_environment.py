@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from tools import bootstrap, checks, interop_environment, interop_lock
+from tools import bootstrap, checks, interop_environment
 from tools.bootstrap import ROOT, SetupError
 from tools.checks import Run
+from tools.lock_requirements import LEFT_OUT
 
 NPM_CI = "installing tools/interop_node/package-lock.json"
 
@@ -126,11 +127,11 @@ def test_lock_satisfies_every_requirement() -> None:
     lines = (ROOT / "requirements" / "interop.in").read_text(encoding="utf-8").splitlines()
     pins = _pins()
     for requirement in (Requirement(line) for line in lines if line and not line.startswith("#")):
-        assert requirement.specifier.contains(pins[requirement.name.lower()]), f"{requirement}: tools/interop --lock"
+        assert requirement.specifier.contains(pins[requirement.name.lower()]), f"{requirement}: tools/lock --clients"
 
 
 def test_lock_leaves_out_what_headless_use_does_not_need() -> None:
-    assert not _pins().keys() & set(interop_lock.LEFT_OUT)
+    assert not _pins().keys() & set(LEFT_OUT)
 
 
 def test_every_pin_has_a_hash_and_no_address() -> None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tables of measured figures in pages: what stands between `<!-- measured: NAME -->` and `<!-- end -->`."""
+"""Tables of measured figures, and where they were measured."""
 
 import re
 import subprocess
@@ -9,7 +9,6 @@ from os import cpu_count
 from pathlib import Path
 
 from tools.project_files import ROOT
-from viso.errors import InputError
 
 
 def render(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:
@@ -28,16 +27,3 @@ def where() -> str:
     """Return a line that names the commit and the machine."""
     model = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text(encoding="utf-8"))
     return f"Measured at {commit()[:10]} on {model[1] if model else 'an unknown processor'}, {cpu_count()} cores.\n"
-
-
-def replace(text: str, name: str, table: str) -> str:
-    """Return a page with its table of a name made again.
-
-    Raises:
-        InputError: if it has no place for one.
-    """
-    block = re.compile(rf"(<!-- measured: {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    page, count = block.subn(lambda match: f"{match[1]}\n{table}\n{match[2]}", text)
-    if not count:
-        raise InputError(f"no line <!-- measured: {name} --> with <!-- end --> after it")
-    return page
