@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import functools
 import hashlib
 import json
 import os
@@ -21,15 +20,15 @@ import sysconfig
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 MINIMUM_PYTHON = (3, 11)
 NEWER_PYTHONS = ("python3.13", "python3.12", "python3.11")
 LOCKS = {"run": "requirements/run.lock", "dev": "requirements/dev.lock"}
-FORMER_NAME = "viso"
 STAMP_NAME = "viso-setup.json"
 COMPILE_PROGRAM = "tools/compile_native.py"
+COMPILED_PACKAGE = "ekf_stub/core"
 COMPILERS = ("cc", "gcc", "clang")
 SHOWN_LINES = 6
 
@@ -104,22 +103,13 @@ def ensure_environment(root: Path, profile: str) -> Path:
 
 def digest(root: Path, profile: str) -> str:
     """Hash all that decides what gets installed: the lock, pyproject's packaging tables and the place."""
-    project = _project(root)
+    import tomllib  # here because Python 3.10 and older must get through the imports above
+
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
     tables = [project.get(name) for name in ("build-system", "project", "dependency-groups")]
     tables.append(project.get("tool", {}).get("hatch"))
     packaging = json.dumps([tables, str(root)], sort_keys=True).encode()
     return hashlib.sha256(packaging + (root / LOCKS[profile]).read_bytes()).hexdigest()
-
-
-def _project(root: Path) -> dict[str, Any]:
-    return _parsed((root / "pyproject.toml").read_text(encoding="utf-8"))
-
-
-@functools.lru_cache(maxsize=1)
-def _parsed(text: str) -> dict[str, Any]:
-    import tomllib  # here because Python 3.10 and older must get through the imports above
-
-    return tomllib.loads(text)
 
 
 def read_stamp(venv: Path) -> Stamp | None:
@@ -189,17 +179,8 @@ def _install(root: Path, venv: Path, profile: str) -> None:
     # The lock is complete. Left to resolve, pip 23 takes the newest wheel of an extra that the lock pins without it.
     locked = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(root / lock)]
     run(install + locked, f"installing {lock}")
-    if _has_former_name(venv):
-        run([*pip, "uninstall", "--yes", FORMER_NAME], "removing the project under its former name")
     project = ["--no-index", "--no-deps", "--no-build-isolation", "--editable", str(root)]
     run(install + project, "installing the project")
-
-
-def _has_former_name(venv: Path) -> bool:
-    """Return whether the project is installed by the name that it had: two would claim one command and one plugin."""
-    # An editable one is ours; the package index has another project of that name.
-    records = venv.glob(f"lib/python*/site-packages/{FORMER_NAME}-*.dist-info/direct_url.json")
-    return any('"editable": true' in record.read_text(encoding="utf-8") for record in records)
 
 
 def ensure_compiled(root: Path, venv: Path) -> None:
@@ -207,44 +188,36 @@ def ensure_compiled(root: Path, venv: Path) -> None:
 
     Without a compiler, or when compiling fails, one line says why, and the program goes on interpreted.
     """
-    package = _compiled_package(root)
-    if package is None or os.environ.get("VISO_PURE", "0") not in {"", "0"}:
+    if not (root / COMPILED_PACKAGE).is_dir() or os.environ.get("VISO_PURE", "0") not in {"", "0"}:
         return
-    tried = root / package / "_compiled" / "tried"
-    if _is_tried(tried, root, package, venv):
+    tried = root / COMPILED_PACKAGE / "_compiled" / "tried"
+    if _is_tried(tried, root, venv):
         return
     with only_one(root):
-        if not _is_tried(tried, root, package, venv):  # another process may have done it meanwhile
-            wanted = compile_digest(root, package, venv)
-            is_done = _compile(root, package, venv)
+        if not _is_tried(tried, root, venv):  # another process may have done it meanwhile
+            wanted = compile_digest(root, venv)
+            is_done = _compile(root, venv)
             tried.write_text(wanted if is_done else wanted + _compilers(), encoding="utf-8")
 
 
-def _compiled_package(root: Path) -> str | None:
-    """Return the folder that the project's wheel holds compiled, as its hook is told."""
-    wheel = _project(root).get("tool", {}).get("hatch", {}).get("build", {}).get("targets", {}).get("wheel", {})
-    package = wheel.get("hooks", {}).get("custom", {}).get("package")
-    return None if package is None else str(package)
-
-
-def _is_tried(tried: Path, root: Path, package: str, venv: Path) -> bool:
+def _is_tried(tried: Path, root: Path, venv: Path) -> bool:
     """Return whether what is there has been compiled, or could not be by the compilers that there still are."""
     try:
         before = tried.read_text(encoding="utf-8")
     except FileNotFoundError:
         return False
-    wanted = compile_digest(root, package, venv)
+    wanted = compile_digest(root, venv)
     return before in {wanted, wanted + _compilers()}
 
 
-def _compile(root: Path, package: str, venv: Path) -> bool:
+def _compile(root: Path, venv: Path) -> bool:
     """Compile, say so in a line, and return whether it went well."""
     sys.stderr.write("viso: compiling the filter, once, takes about a minute ... ")
     sys.stderr.flush()
     started = time.monotonic()
     program = [str(venv / "bin" / "python"), "-P", str(root / COMPILE_PROGRAM)]
     try:
-        run([*program, str(root), package, package], "compiling")
+        run([*program, str(root), COMPILED_PACKAGE, COMPILED_PACKAGE], "compiling")
     except SetupError as error:
         reason = str(error).splitlines()[-1].strip()
         sys.stderr.write(f"not done, going on interpreted: {reason}\n")
@@ -253,9 +226,9 @@ def _compile(root: Path, package: str, venv: Path) -> bool:
     return True
 
 
-def compile_digest(root: Path, package: str, venv: Path) -> str:
+def compile_digest(root: Path, venv: Path) -> str:
     """Hash all that decides what comes out: the sources, and what compiles them."""
-    sources = [*sorted((root / package).glob("*.py")), root / "ap_core" / "native.py", root / COMPILE_PROGRAM]
+    sources = [*sorted((root / COMPILED_PACKAGE).glob("*.py")), root / "ap_core" / "native.py", root / COMPILE_PROGRAM]
     installed = [path.name for path in venv.glob("lib/*/site-packages/mypy-*")]
     tools = json.dumps([os.path.realpath(venv / "bin" / "python"), *installed]).encode()
     return hashlib.sha256(b"\0".join([tools, *(path.read_bytes() for path in sources)])).hexdigest()

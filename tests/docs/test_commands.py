@@ -21,7 +21,8 @@ PAGES = ["README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for
 
 # What is in commands that are not run here, and what they would want.
 NOT_HERE = {
-    r"tools/check|-n 2": "minutes: all tests, this one among them",
+    r"tools/check|-n 2|test_vectors": "minutes: all tests, this one among them",
+    r"tools/site": "half a minute: tests/docs/test_site.py builds it",
     r"tools\.bench|speed\.json|build/fuzz": "minutes to an hour",
     r"pip install": "a download",
     r"MH_01_easy": "a recording of EuRoC",
@@ -45,7 +46,6 @@ UNTIL_CTRL_C = {
 COMPLAINTS = ("Traceback", "install it with", "pip install")
 # A command takes seconds; a busy machine may take its time.
 COMMAND_S = 300.0
-COMPILED_PACKAGE = "ekf_stub/core"
 
 
 def commands_of(page: Path) -> list[str]:
@@ -82,10 +82,10 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
             if first.startswith(b"#!") and b"python" in first:
                 copy.write_bytes(b"#!%s\n%s" % (bytes(venv / "bin" / "python"), rest))
     bootstrap.write_stamp(venv, bootstrap.Stamp("dev", bootstrap.digest(folder, "dev"), True))
-    compiled = Path(COMPILED_PACKAGE) / COMPILED
+    compiled = Path(bootstrap.COMPILED_PACKAGE) / COMPILED
     if (ROOT / compiled).is_dir():  # to compile it again takes minutes while other tests run
         shutil.copytree(ROOT / compiled, folder / compiled)
-        digest = bootstrap.compile_digest(folder, COMPILED_PACKAGE, venv)
+        digest = bootstrap.compile_digest(folder, venv)
         (folder / compiled / "tried").write_text(digest, encoding="utf-8")
     return folder
 

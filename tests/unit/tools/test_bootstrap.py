@@ -117,21 +117,6 @@ def test_environment_that_was_there_before_is_filled_but_never_deleted(root: Pat
     assert keep.exists()
 
 
-@pytest.mark.parametrize(("record", "removed"), [
-    ('{"dir_info": {"editable": true}, "url": "file:///src/viso"}', ["removing the project under its former name"]),
-    ('{"archive_info": {}, "url": "file:///a-stranger.whl"}', []),
-])  # fmt: skip
-def test_only_the_project_itself_is_removed_by_its_former_name(
-    root: Path, steps: list[str], record: str, removed: list[str]
-) -> None:
-    installed = root / ".venv/lib/python3.11/site-packages/viso-0.1.0.dist-info"
-    installed.mkdir(parents=True)
-    _make_python(root / ".venv")
-    (installed / "direct_url.json").write_text(record, encoding="utf-8")
-    bootstrap.ensure_environment(root, "run")
-    assert steps == ["installing requirements/run.lock", *removed, "installing the project"]
-
-
 def test_vanished_interpreter_rebuilds(root: Path, steps: list[str]) -> None:
     bootstrap.ensure_environment(root, "run")
     (root / ".venv/bin/python").unlink()

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A checkout is compiled by its first command, again after an edit, and not tried again in vain."""
 
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,8 +11,6 @@ import pytest
 from tools import bootstrap
 from tools.bootstrap import SetupError
 
-HOOK = '[tool.hatch.build.targets.wheel.hooks.custom]\npackage = "pack/core"\n'
-
 
 @pytest.fixture
 def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -19,7 +18,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in ("pack/core/first.py", "ap_core/native.py", bootstrap.COMPILE_PROGRAM, ".venv/bin/python"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
-    (tmp_path / "pyproject.toml").write_text(HOOK, encoding="utf-8")
+    monkeypatch.setattr(bootstrap, "COMPILED_PACKAGE", "pack/core")
     monkeypatch.delenv("VISO_PURE", raising=False)
     return tmp_path
 
@@ -137,7 +136,7 @@ def test_nothing_is_compiled_where_the_sources_are_asked_for(
 
 
 def test_project_without_a_package_to_compile_is_left_alone(root: Path, compiler: Compiler) -> None:
-    (root / "pyproject.toml").write_text("", encoding="utf-8")
+    shutil.rmtree(root / "pack")
     ensure_compiled(root)
     assert compiler.runs == 0
 

@@ -11,6 +11,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from tests.places import ROOT
+from tools.bootstrap import COMPILED_PACKAGE
 from tools.lock_requirements import RUN_EXTRAS
 from tools.project_files import project_files
 
@@ -32,6 +33,11 @@ def _pins(name: str) -> dict[str, str]:
 
 def test_wheels_hold_the_packages_and_nothing_else() -> None:
     assert sorted(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]) == PACKAGES
+
+
+def test_a_checkout_compiles_what_a_wheel_holds_compiled() -> None:
+    wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert wheel["hooks"]["custom"]["package"] == COMPILED_PACKAGE
 
 
 def test_every_file_tells_its_licence_or_reuse_toml_does() -> None:
