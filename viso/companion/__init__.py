@@ -8,7 +8,9 @@ from viso.companion.sender import OffsetClock
 from viso.companion.vio.config import VioConfig, load_config
 from viso.companion.vio.errors import StrategyNotAvailableError, VioError, VioFatalError
 from viso.companion.vio.health import FrameFacts, Growth
+from viso.companion.vio.pipeline import StrategyBase, StrategyContext
 from viso.companion.vio.registry import STRATEGIES, StrategyEntry, build_vio_strategy
+from viso.companion.vio.result import Degraded, Initializing, Lost, Result, Tracking
 from viso.companion.vio.types import (
     CameraCalibration,
     FeatureQuality,
