@@ -92,10 +92,11 @@ class _Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the name, the imported command, and its arguments."""
         name, _, rest = super().resolve_command(ctx, args)
-        return name, None if name is None else _command(name), rest
+        return name, None if name is None else load_command(name), rest
 
 
-def _command(name: str) -> Any:
+def load_command(name: str) -> Any:
+    """Import a command and return it as click runs it."""
     from viso.terminal.outputs import keeping_inputs
 
     function = command_function(name)

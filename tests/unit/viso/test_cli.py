@@ -28,7 +28,7 @@ from tests.places import DATA
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from viso import cli
-from viso.cli import COMMANDS, _command, command_function, make_app
+from viso.cli import COMMANDS, command_function, load_command, make_app
 from viso.commands import serve as serve_command
 from viso.replay import feed
 
@@ -146,7 +146,7 @@ def test_example_of_the_help_is_understood(name: str, tmp_path: Path, monkeypatc
     monkeypatch.chdir(tmp_path)
     program, command, *args = shlex.split(example_of(name)[-1])
     assert (program, command) == ("viso", name)
-    _command(name).make_context(name, args)
+    load_command(name).make_context(name, args)
 
 
 @pytest.mark.parametrize(
