@@ -14,7 +14,7 @@ _U64: Final = 0xFFFFFFFFFFFFFFFF
 
 
 def count_before(times: range, time: int) -> int:
-    """Return how many growing, evenly spaced times come before a time, as if there were no end of them."""
+    """Count the times before ``time`` in evenly spaced, growing times that have no end."""
     return max(0, -((times.start - time) // times.step))
 
 
@@ -29,7 +29,7 @@ class Clock(Protocol):
 
 
 class VirtualClock:
-    """A clock that moves only when told to."""
+    """A clock that moves only when it is set."""
 
     def __init__(self, time_us: int = 0) -> None:
         self._time_us = u64(time_us)

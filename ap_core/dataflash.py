@@ -104,7 +104,7 @@ class DataFlashWriter:
         Args:
             structure: a fixed type, or one made by :meth:`define`.
             values: one value a field; see :meth:`LogStructure.pack`.
-            time_us: the time FMTU records carry; by default the record's TimeUS, or the latest one seen.
+            time_us: the time FMTU records carry; by default the record's TimeUS, or the latest one.
 
         Raises:
             ValueError: if the type is not registered here, or the values do not fit it.

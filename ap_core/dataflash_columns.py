@@ -65,7 +65,7 @@ class LogColumns:
         return {name: counts[one.msg_type] for name, one in self._by_name.items() if counts[one.msg_type]}
 
     def offsets(self, name: str) -> Offsets:
-        """Return where each record of a type begins, in bytes; they tell the order among several types."""
+        """Return where each record of a type begins, in bytes, which orders the records of several types."""
         layout = self._by_name.get(name)
         if layout is None:
             return np.zeros(0, np.int64)
@@ -124,7 +124,7 @@ class LogColumns:
     def units(self, name: str) -> dict[str, str]:
         """Return the units of a type's fields by label, multipliers included, as DFReader has them.
 
-        Empty texts where the log tells none.
+        Empty texts where the log has none.
         """
         layout = self._by_name[name]
         ids, multiplier_ids = self._unit_ids.get(layout.msg_type, ("", ""))

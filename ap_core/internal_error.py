@@ -48,5 +48,5 @@ class InternalErrors:
         self.last_line = line
 
     def describe(self) -> str:
-        """Return the names of the errors seen, in the order of their bits (AP_InternalError::errors_as_string)."""
+        """Return the names of the errors so far, in the order of their bits (AP_InternalError::errors_as_string)."""
         return ",".join(text for error, text in _DESCRIPTIONS.items() if self.mask & error)

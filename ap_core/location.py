@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A place on the globe and short ways from it (AP_Common/Location.cpp), with the simulator's precision."""
+"""A place on the globe and short distances from it (AP_Common/Location.cpp), with the simulator's precision."""
 
 import math
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ def wrap_longitude(lng: int) -> int:
 
 
 def diff_longitude(lng: int, other: int) -> int:
-    """Return the shorter way from ``other`` to ``lng``, in 1e-7 deg, east positive (Location::diff_longitude)."""
+    """Return ``lng`` minus ``other`` the shorter way round, in 1e-7 deg (Location::diff_longitude)."""
     difference = lng - other
     return difference if (lng < 0) == (other < 0) else wrap_longitude(difference)
 
@@ -68,7 +68,7 @@ class Location:
         return abs(self.lat) <= MAX_LAT and abs(self.lng) <= MAX_LNG
 
     def distance_ned(self, to: "Location") -> Vector3f:
-        """Return the way to another place in metres north, east, down (Location::get_distance_NED)."""
+        """Return the distance to another place in metres north, east, down (Location::get_distance_NED)."""
         north = float(f32(i32(to.lat - self.lat))) * METRES_PER_UNIT
         east = f32(float(f32(diff_longitude(to.lng, self.lng))) * METRES_PER_UNIT)
         scale = longitude_scale(_half(i32(self.lat + to.lat)))

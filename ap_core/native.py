@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Packages whose modules are also compiled, and which of the two is imported.
+"""Packages whose modules are also compiled, and the choice of what is imported.
 
 The source is the definition. Compiled modules lie in a folder of the package. Its name is the digest of the sources and
 of the Python that they were compiled for, so that they are found by the same sources and the same Python only.
@@ -24,7 +24,7 @@ def modules_of(package: Path) -> list[Path]:
 
 
 def digest(package: Path) -> str:
-    """Return by what compiled modules are known: the names and bytes of the sources, and this Python."""
+    """Return the name of the folder of compiled modules: a digest of the sources, with their names, and of Python."""
     parts = [EXTENSION_SUFFIXES[0].encode()]
     for path in modules_of(package):
         parts += [path.name.encode(), path.read_bytes()]
@@ -49,7 +49,7 @@ def use_compiled(package: str, path: MutableSequence[str]) -> bool:
     if not build.is_dir():
         _tell_stale(package)
         return False
-    if not any(build.iterdir()):  # to compile these sources was tried in vain, and has been told
+    if not any(build.iterdir()):  # these sources could not be compiled, which was reported then
         return False
     path.insert(0, str(build))
     return True

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parameter system as ground stations see it: one flat list over the groups of all objects.
+"""The parameter system of ground stations: one flat list over the groups of all objects.
 
 Source: AP_Param/AP_Param.cpp and GCS_MAVLink/GCS_Param.cpp. There is no storage here: ``stored_values`` and
 ``load_stored`` carry it over a restart. What the firmware does later on its I/O thread happens at once.
@@ -227,7 +227,7 @@ class ParamTable:
         raise ValueError(f"{prefix}: no such parameter group")
 
     def set_from_mavlink(self, name: str, value: float | np.float32) -> ParamSet:
-        """Do what a PARAM_SET does and tell what to send (GCS_Param.cpp, handle_param_set).
+        """Do what a PARAM_SET does, and return what to send (GCS_Param.cpp, handle_param_set).
 
         The packet's type plays no part, and documented ranges are not enforced.
         """
@@ -242,7 +242,7 @@ class ParamTable:
         if self._is_read_only(slot):
             echo = ParamEcho(name, previous, slot.type.wire_type)
             return ParamSet(ParamOutcome.READ_ONLY, previous, previous, (echo,))
-        if not whole_vector:  # the firmware has no way to set all three, yet it saves them
+        if not whole_vector:  # the firmware cannot set all three at once, yet it saves them
             slot.group.store(slot.key, from_wire(requested, slot.type))
         echoes = self._save(slot, force=not is_equal(requested, previous))
         return ParamSet(ParamOutcome.SET, previous, NAN if whole_vector else slot.value, echoes)

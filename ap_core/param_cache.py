@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What follows from parameters, kept until one of them changes: for code that asks in every pass of the main loop."""
+"""Values computed from parameters, kept until one of them changes: for code of every pass of the main loop."""
 
 from collections.abc import Callable, Mapping
 from typing import Generic, TypeVar
@@ -34,7 +34,7 @@ class FromParams(Generic[T]):
 class Numbers(dict[str, float]):
     """Numbers by parameter name, each looked up once until a parameter changes.
 
-    It is a dictionary that fills itself, since to ask a dictionary is the fastest way to ask.
+    It is a dictionary that fills itself, because a lookup in a dictionary is the fastest.
 
     Args:
         prefix: what precedes each of the names that are asked for.

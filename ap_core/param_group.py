@@ -156,10 +156,10 @@ class ParamGroup:
             self.store(name, assigned(value, self._slot(name).type))
 
     def store(self, key: str, value: ParamValue) -> None:
-        """Put a value, already of the parameter's type, where it lives, and tell those who listen."""
+        """Put a value, already of the parameter's type, where it lives, and call the listeners."""
         self.values[key] = value
-        for tell in self.on_change:
-            tell()
+        for listener in self.on_change:
+            listener()
 
     def _vector_slots(self, name: str) -> tuple[ParamSlot, ...]:
         row = self._rows.get(name)

@@ -16,7 +16,7 @@ _read: dict[str, Mapping[str, Any]] = {}
 def with_plugins(group: str, own: Mapping[str, _T], kind: type[_T]) -> Mapping[str, _T]:
     """Return a table with the rows that others add to it.
 
-    A row that cannot be had, or whose name is taken, is told in a line; all others are there.
+    A row that cannot be loaded, or whose name is taken, is left out with a warning of one line.
 
     Args:
         group: of entry points, whose names are those of the rows.

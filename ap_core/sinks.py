@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where records and texts go: what the libraries of the vehicle ask of it in common."""
+"""Where the libraries of the vehicle send records and texts."""
 
 from collections.abc import Sequence
 from typing import Protocol

@@ -28,7 +28,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A firmware rule: a stable code, what it says, and where it stands (file, function)."""
+    """A firmware rule: a stable code, its text, and its place in the firmware (file, function)."""
 
     code: str
     text: str
