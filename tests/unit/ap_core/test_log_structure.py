@@ -232,13 +232,17 @@ NUMBERS = (
 )
 
 
-@given(data=st.data(), format=st.text(NUMERIC, min_size=1, max_size=16))
-def test_record_packed_at_once_is_the_one_packed_field_by_field(data: st.DataObject, format: str) -> None:
+def structure_of(format: str) -> LogStructure:
     labels = ",".join(f"F{number}" for number in range(len(format)))
-    structure = LogStructure(200, "TEST", format, labels, "-" * len(format), "-" * len(format))
+    return LogStructure(200, "TEST", format, labels, "-" * len(format), "-" * len(format))
+
+
+@given(data=st.data(), format=st.text(NUMERIC, min_size=1, max_size=15))
+def test_record_packed_at_once_is_the_one_packed_field_by_field(data: st.DataObject, format: str) -> None:
     values = data.draw(st.lists(NUMBERS, min_size=len(format), max_size=len(format)))
     with np.errstate(all="ignore"):
-        assert structure.pack(values) == structure._pack_each(values)
+        with_text = structure_of(format + "n").pack([*values, "text"])  # a record with a text is packed field by field
+        assert structure_of(format).pack(values) + b"text" == with_text
 
 
 def test_plain_numbers_are_packed_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

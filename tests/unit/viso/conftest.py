@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A whole vehicle in virtual time, with a client on a wire of its own."""
 
-import gc
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -367,13 +366,7 @@ def rig() -> CopterRig:
 
 
 @pytest.fixture
-def uncounted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tell commands that things are frozen, which they are: to count them takes longer than most commands."""
-    monkeypatch.setattr(gc, "get_freeze_count", lambda: 1)
-
-
-@pytest.fixture
-def viso(uncounted: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> Viso:
+def viso(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> Viso:
     """Return a function that runs a command line in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     for terminal in (console.out, console.err):

@@ -32,8 +32,6 @@ from viso.cli import COMMANDS, command_function, load_command, make_app
 from viso.commands import serve as serve_command
 from viso.replay import feed
 
-pytestmark = pytest.mark.usefixtures("uncounted")
-
 SHORT = 40
 SIMULATED = "viso demo --camera simulated"
 QUICK = "faults", "play", "vectors"
