@@ -25,6 +25,8 @@ from ap_core.native import COMPILED, PURE_VARIABLE, digest, is_pure, modules_of
 
 LIBRARY: Final = "native"
 """The module of a package that its compiled modules share."""
+OPTIMISATION_VARIABLE: Final = "MYPYC_OPT_LEVEL"
+"""The environment variable that, set to 0, has a test wait for less; mypy's own set-up knows it too."""
 C_OPTIONS: Final = (
     "-ffp-contract=off",  # a multiplication and an addition in one differ from the interpreter by a bit
     "-fno-fast-math",
@@ -74,6 +76,7 @@ def _compile(package: Path, draft: Path) -> Path:
     group = ".".join([*package.parts, LIBRARY])
     extensions = mypycify(
         ["--follow-imports=silent", *map(str, modules_of(package))],
+        opt_level=os.environ.get(OPTIMISATION_VARIABLE, "3"),
         debug_level="0",
         target_dir=str(draft / "c"),
         group_name=group,

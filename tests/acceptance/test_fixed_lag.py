@@ -48,7 +48,7 @@ class TestScenes:
 
     @pytest.mark.parametrize(
         ("name", "most_m", "seed"),
-        [("hover", 1.0, 1), ("hover", 1.0, 31), ("hills", 0.5, 1), ("hills", 0.5, 31), ("flicker", 0.06, 2)],
+        [("hover", 1.0, 31), ("hills", 0.5, 31), ("flicker", 0.06, 2)],
     )
     def test_error_is_small_and_admitted(self, name: str, most_m: float, seed: int) -> None:
         (scene,) = (scene for scene in SCENES if scene.name == name)

@@ -30,7 +30,7 @@ NAME = "klt_ransac"
 SEEDS = range(6)
 WRONG_HEIGHT = 1.03
 AT_REST = 20  # frames at the end, 2 s
-WRONG_HEIGHT_SEEDS = range(4)
+WRONG_HEIGHT_SEEDS = range(2)
 
 
 class TestSurvey:

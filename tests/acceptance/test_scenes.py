@@ -11,7 +11,7 @@ from tools.vio_scenes import SCENES
 
 pytestmark = pytest.mark.slow
 
-SEEDS = range(3)
+SEEDS = range(2)
 MOST_M = {"hover": 1.0, "hills": 0.5, "low contrast": 0.5, "high": 0.45, "spin": 0.18}
 
 

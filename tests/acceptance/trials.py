@@ -25,7 +25,7 @@ from viso.geometry.rotation import Array
 DATA = Path(os.environ.get("VISO_DATA", ROOT.parent / "shared" / "data"))
 NADIR = VioConfig(scene=Scene.PLANAR, agl_source=AglSource.RANGEFINDER)
 
-CLIP_SEEDS = range(5)
+CLIP_SEEDS = range(3)
 LARGE_ERROR_M = 0.15
 STILL_S = 3.5
 

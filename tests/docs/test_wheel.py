@@ -46,7 +46,7 @@ def make_wheel(folder: Path, **variables: str) -> Path:
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the wheel that this machine makes."""
-    return make_wheel(tmp_path_factory.mktemp("wheel"))
+    return make_wheel(tmp_path_factory.mktemp("wheel"), MYPYC_OPT_LEVEL="0")  # to optimise takes most of the time
 
 
 @pytest.fixture(scope="module")

@@ -118,6 +118,7 @@ def test_damaged_traffic_yields_nothing_but_what_was_sent(make_bench: "MakeBench
 
 
 @pytest.mark.parametrize("capture", CAPTURES)
-@pytest.mark.parametrize("damage", DAMAGES, ids=name_of)
-def test_every_recorded_stream_stands_damage(make_bench: "MakeBench", damage: Damage, capture: Path) -> None:
+@pytest.mark.parametrize("turn", [0, 3])
+def test_every_recorded_stream_stands_two_kinds_of_damage(make_bench: "MakeBench", turn: int, capture: Path) -> None:
+    damage = DAMAGES[(CAPTURES.index(capture) + turn) % len(DAMAGES)]
     stand_damage(make_bench(), capture, damage)

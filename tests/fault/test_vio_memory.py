@@ -33,7 +33,7 @@ print(json.dumps(resident))
 
 @pytest.mark.parametrize(
     ("width", "height", "enlargement", "frames", "limit_mb"),
-    [pytest.param(640, 480, 1, 300, 250, id="small"), pytest.param(5472, 3648, 4, 100, 600, id="full size")],
+    [pytest.param(640, 480, 1, 150, 250, id="small"), pytest.param(5472, 3648, 4, 40, 600, id="full size")],
 )
 def test_memory_is_small_and_does_not_grow(
     width: int, height: int, enlargement: int, frames: int, limit_mb: float

@@ -60,8 +60,8 @@ def mutated(data: bytes, source: random.Random) -> bytes:
 @pytest.mark.parametrize(
     ("name", "target", "rounds"),
     [
-        ("endpoint", endpoint_target.run, 500),
-        ("files", file_target.run, 2500),
+        ("endpoint", endpoint_target.run, 200),
+        ("files", file_target.run, 1000),
     ],
 )
 def test_inputs_near_the_corpus_are_stood_too(name: str, target: Target, rounds: int, tmp_path: Path) -> None:

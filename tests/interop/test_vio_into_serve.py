@@ -19,7 +19,7 @@ pytestmark = pytest.mark.interop
 
 VISO = (sys.executable, "-c", "from viso.cli import main; main()")
 LIMIT_S = 120.0
-REST_S = 12.0
+REST_S = 9.0
 """Before the flight: the vehicle that follows the stream stands still for 6 s after it has booted."""
 
 

@@ -480,7 +480,7 @@ def test_whatever_comes_the_filter_keeps_its_head() -> None:
 
 @pytest.mark.slow
 def test_whatever_comes_the_filter_keeps_its_head_for_longer() -> None:
-    run_state_machine_as_test(FilterMachine, settings=steps(150, 30))
+    run_state_machine_as_test(FilterMachine, settings=steps(50, 30))
 
 
 def test_same_input_gives_the_same_output() -> None:

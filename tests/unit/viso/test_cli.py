@@ -148,7 +148,9 @@ def test_example_of_the_help_is_understood(name: str, tmp_path: Path, monkeypatc
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in COMMANDS]
+    "name",
+    # tests/docs/test_commands.py has the page that begins with the demo.
+    [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in COMMANDS if name != "demo"],
 )
 def test_example_of_the_help_works(
     viso: Viso, name: str, free_port: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
