@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
+from tests.acceptance.scenes import SCENES
+from tests.acceptance.trial import Trial
 from tools.measured import render, where
-from tools.trial import Trial
-from tools.vio_scenes import SCENES
 from viso.companion.vio.config import EngineConfig, VioConfig
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import all_strategies, build_vio_strategy

@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("gtsam", reason="needs gtsam, the extra of that name")
 
+from tests.acceptance.scenes import SCENES
 from tests.acceptance.trials import (
     CLIP_SEEDS,
     LARGE_ERROR_M,
@@ -19,7 +20,6 @@ from tests.acceptance.trials import (
     still_end,
     trace_of,
 )
-from tools.vio_scenes import SCENES
 
 NAME = "fixed_lag"
 SEEDS = range(2)

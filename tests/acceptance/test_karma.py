@@ -7,8 +7,8 @@ from statistics import median
 
 import pytest
 
+from tests.acceptance.trial import Trial, run_trial
 from tests.acceptance.trials import data_folder, trace_of
-from tools.trial import Trial, run_trial
 from viso.companion.sources.base import Recording, SourceOptions
 from viso.companion.sources.kinds import open_source
 from viso.companion.vio.types import VioState

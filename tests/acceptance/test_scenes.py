@@ -6,8 +6,8 @@ import functools
 
 import pytest
 
-from tools.trial import Trial
-from tools.vio_scenes import SCENES
+from tests.acceptance.scenes import SCENES
+from tests.acceptance.trial import Trial
 
 pytestmark = pytest.mark.slow
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.acceptance.trial import Trial, disturbed_start, run_trial
 from tests.places import ROOT
-from tools.trial import Trial, disturbed_start, run_trial
 from viso.companion.odometry.composer import OdometryComposer
 from viso.companion.sources.euroc import EurocRecording, load_euroc
 from viso.companion.vio.config import AglSource, LocalAlignment, Scene, VioConfig

@@ -10,8 +10,9 @@ import pytest
 
 pytest.importorskip("cv2", reason="needs OpenCV, of the extra vio")
 
-from tools import vio_scenes, vio_table
-from tools.trial import Claims
+from tests.acceptance import scenes
+from tests.acceptance.trial import Claims
+from tools import vio_table
 from viso.companion.vio.config import VioConfig
 from viso.companion.world.flight import SyntheticFlight
 from viso.companion.world.texture import GroundTexture
@@ -40,8 +41,8 @@ class FakeTrial:
 def test_scenes_have_a_row_each_with_all_strategies(
     monkeypatch: pytest.MonkeyPatch, error_m: float | None, shown: str
 ) -> None:
-    scenes = [SimpleNamespace(name=name, what="any", fly=lambda *_: FakeTrial(error_m)) for name in "ab"]
-    monkeypatch.setattr(vio_table, "SCENES", scenes)
+    plans = [SimpleNamespace(name=name, what="any", fly=lambda *_: FakeTrial(error_m)) for name in "ab"]
+    monkeypatch.setattr(vio_table, "SCENES", plans)
     cell = f"{shown} (300/6/1.2)"
     rows = [(name, "any", "300 m", cell, cell) for name in "ab"]
     assert list(vio_table.rows(["one", "other"], {})) == rows
@@ -49,10 +50,10 @@ def test_scenes_have_a_row_each_with_all_strategies(
 
 def test_engine_flies_by_its_program(monkeypatch: pytest.MonkeyPatch) -> None:
     configs: list[VioConfig] = []
-    monkeypatch.setattr(vio_scenes, "run_trial", lambda told, config, start, truth: configs.append(config))
+    monkeypatch.setattr(scenes, "run_trial", lambda told, config, start, truth: configs.append(config))
     black = np.zeros((8, 8), np.uint8)
     flight = SyntheticFlight(texture=GroundTexture(black, 1.0, black))
-    vio_scenes.ScenePlan("a", "any", lambda seed: flight).fly("okvis2", 0, "./okvis2_adapter")
+    scenes.ScenePlan("a", "any", lambda seed: flight).fly("okvis2", 0, "./okvis2_adapter")
     assert (configs[0].strategy, configs[0].engine.command) == ("okvis2", "./okvis2_adapter")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tools.trial import disturbed_start
+from tests.acceptance.trial import disturbed_start
 from viso.companion.sources.base import SourceError
 from viso.companion.sources.euroc import EurocRecording, load_euroc
 from viso.companion.vio.types import ImuSample, NavCameraFrame

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.acceptance.trial import run_trial
 from tests.places import SHARED
 from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
 from tests.unit.viso.companion.sources.gopro_maker import movie, seconds_of_flight
-from tools.trial import run_trial
 from viso.companion.sources.base import Recording, SourceError, SourceOptions
 from viso.companion.sources.recordings import KARMA, open_euroc, open_gopro, open_synthetic, open_video
 from viso.companion.vio.calibration import load_calibration

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
-from tools.trial import Trial, TrialFrame, run_trial
+from tests.acceptance.trial import Trial, TrialFrame, run_trial
 from viso.companion.smoother.lag_smoother import LagSmoother, SmootherError
 from viso.companion.strategies.fixed_lag import MIN_NODE_INTERVAL_NS
 from viso.companion.vio.config import VioConfig

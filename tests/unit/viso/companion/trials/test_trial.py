@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.acceptance.trial import Trial, nees_per_dof, run_trial
 from tests.unit.viso.companion.vio.strategy_rig import (
     FEW,
     GOOD,
@@ -24,7 +25,6 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     make_output,
     make_warm_start,
 )
-from tools.trial import Trial, nees_per_dof, run_trial
 from viso.companion.trials import trial
 from viso.companion.vio.config import AglSource, VioConfig
 from viso.companion.vio.errors import VioFatalError

@@ -12,7 +12,7 @@ from typing import Final, cast
 import cv2
 import numpy as np
 
-from tools.trial import Trial, run_trial
+from tests.acceptance.trial import Trial, run_trial
 from viso.companion.vio.config import AglSource, EngineConfig, Scene, VioConfig
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.types import CameraCalibration, NavCameraFrame, Pixels, SensorEvent
