@@ -31,7 +31,7 @@ class FakeTrial:
         return SimpleNamespace(rmse_m=self._error_m)
 
     def truth(self) -> Any:
-        return SimpleNamespace(path_length_m=lambda: 300.0)
+        return SimpleNamespace(path_length_m=300.0)
 
     def claims(self) -> Claims:
         return Claims(100, 2, 1.25, 0.5)
