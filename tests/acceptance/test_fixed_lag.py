@@ -22,7 +22,7 @@ from tests.acceptance.trials import (
 )
 
 NAME = "fixed_lag"
-SEEDS = range(2)
+SEEDS = range(1)
 
 pytestmark = pytest.mark.slow
 
