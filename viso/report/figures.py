@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from viso.doctor.evidence.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
+from viso.doctor.evidence.own_filter import CHANNELS, NOT_KNOWN, OwnFilter, source_name
 from viso.estimators.series import Array, Series
 from viso.report import drawing
 from viso.report.agreement import ekf_poses, lag_ms, remote_lag_ms, vision_poses
@@ -160,7 +160,7 @@ def _ratios(axes: Any, xkf4: Series, own: OwnFilter) -> None:
     labels = zip(("SV", "SP", "SH", "SM"), (EKF, VISION, GREEN, VIOLET), CHANNELS, strict=True)
     for channel, (label, colour, name) in enumerate(labels):
         source = own.source(channel)
-        by = "" if source == NOT_TOLD else f" ({source_name(channel, source)})"
+        by = "" if source == NOT_KNOWN else f" ({source_name(channel, source)})"
         line(axes, xkf4.time_s, np.maximum(xkf4[label], least), colour, f"{name}{by}", 1.1)
     largest = np.nanmax(xkf4.matrix("SV", "SP", "SH", "SM"), initial=1.0)
     axes.set(yscale="log", ylim=(least * 0.9, max(2.0, 1.5 * largest)), ylabel="test ratio", title="Against the gates")

@@ -140,7 +140,7 @@ def _unjudged(facts: Facts) -> str:
     if not own.has_ratios:
         return "The log has no test ratios: whether the EKF agreed is not known."
     if not own.uses_extnav.any():
-        if not own.is_told(POSITION).any():
+        if not own.is_source_known(POSITION).any():
             return "The log does not tell what the EKF navigated by: its test ratios may be of other sensors."
         return "The EKF did not navigate by external navigation, so its test ratios say nothing about it."
     return ""

@@ -11,7 +11,7 @@ import numpy as np
 from ap_core.param_group import ParamSlot
 from ap_visualodom.ap_visualodom import make_params
 from ekf_stub.reports import FilterFlag
-from viso.doctor.evidence.own_filter import CHANNELS, NOT_TOLD, OwnFilter, source_name
+from viso.doctor.evidence.own_filter import CHANNELS, NOT_KNOWN, OwnFilter, source_name
 from viso.estimators.series import Array, Mask, Series, wrapped_deg
 from viso.firmware.releases import Firmware
 from viso.logs.event_names import EV_SOURCE_SET_1
@@ -157,7 +157,7 @@ def _innovations(own: OwnFilter, every_ratio: Array, tested: slice) -> dict[str,
 
 def _sources(own: OwnFilter) -> dict[str, str]:
     named = ((name, channel, own.source(channel)) for channel, name in enumerate(CHANNELS))
-    return {_KINDS.get(name, name): source_name(channel, one) for name, channel, one in named if one != NOT_TOLD}
+    return {_KINDS.get(name, name): source_name(channel, one) for name, channel, one in named if one != NOT_KNOWN}
 
 
 def _moments(material: Material, facts: Facts, ends_s: Array) -> list[dict[str, Any]]:

@@ -106,24 +106,24 @@ def _mean_angle(angles: Floats) -> tuple[float, float]:
 def rotated_frame(evidence: Evidence) -> Iterator[Sighting]:
     by_north = _GPS in (evidence.source("POSXY"), evidence.source("VELXY"))
     severity = Severity.NOTE if evidence.source("YAW") == EXTNAV and not by_north else None
-    for poses, _, told, vehicle in _beside_vehicle(evidence) if evidence.viso_type == 1 else ():
-        mean, spread = _mean_angle(told[:, 2] - vehicle[:, 2])
+    for poses, _, sent, vehicle in _beside_vehicle(evidence) if evidence.viso_type == 1 else ():
+        mean, spread = _mean_angle(sent[:, 2] - vehicle[:, 2])
         if abs(mean) > limits.ATTITUDE_OFF_RAD and spread < limits.ATTITUDE_OFF_RAD:
             text = f"{poses.track.sender}: its yaw is {math.degrees(mean):.0f} deg from the vehicle's own"
             yield Sighting.in_track(text, poses.track, severity=severity)
 
 
 def _apart(poses: Poses, chosen: Ints, mask: Bools, text: str, severity: Severity | None = None) -> Sighting:
-    """Return what messages show that are some of those chosen of a track."""
+    """Return what the masked ones of some chosen messages show."""
     track, shown = poses.track, chosen[mask]
     where = f"in {share(len(shown), len(track))} messages, the first at {at(track.arrival_us[shown[0]])}"
     return Sighting.in_track(f"{track.sender}: {text}, {where}", track, shown, severity=severity)
 
 
 def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, Floats]]:
-    """Yield poses, which of them can be compared, and their attitude, VISO_ORIENT taken off, beside the vehicle's own.
+    """Yield poses, the indices of those that can be compared, and their attitude and the vehicle's as Euler angles.
 
-    Types 2 and 3 alone obey VISO_ORIENT. A vehicle whose filter has lost itself, with a bad IMU, is no measure.
+    VISO_ORIENT is taken off first, as types 2 and 3 do. Attitudes of a filter that has lost itself do not count.
     """
     attitude = evidence.vehicle.best_attitude
     if attitude is None:
@@ -155,8 +155,8 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
 )
 def tilted_attitude(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
-    for poses, chosen, told, vehicle in _beside_vehicle(evidence):
-        angle = np.arccos(np.clip(np.sum(down_in_body(told) * down_in_body(vehicle), axis=1), -1, 1))
+    for poses, chosen, sent, vehicle in _beside_vehicle(evidence):
+        angle = np.arccos(np.clip(np.sum(down_in_body(sent) * down_in_body(vehicle), axis=1), -1, 1))
         mask = lasting(poses.track.arrival_us[chosen], angle > limits.ATTITUDE_OFF_RAD)
         if mask.any():
             middle = math.degrees(float(np.median(angle[mask])))
@@ -180,10 +180,10 @@ def tilted_attitude(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def yaw_after_alignment(evidence: Evidence) -> Iterator[Sighting]:
-    """Find yaw that leaves the vehicle's own after it was aligned to that."""
+    """Find yaw that departs from the vehicle's own after an alignment."""
     starts_us = sorted(aligned_us(evidence)) if evidence.viso_type in ALIGNING_TYPES else []
-    for poses, chosen, told, vehicle in _beside_vehicle(evidence) if starts_us else ():
-        times, off = poses.track.arrival_us[chosen], told[:, 2] - vehicle[:, 2]
+    for poses, chosen, sent, vehicle in _beside_vehicle(evidence) if starts_us else ():
+        times, off = poses.track.arrival_us[chosen], sent[:, 2] - vehicle[:, 2]
         mask, worst = np.zeros(len(times), dtype=np.bool_), 0.0
         for start, end in itertools.pairwise([*starts_us, _NEVER_US]):
             first = (times >= start) & (times < min(start + limits.ALIGNED_FOR_US, end))

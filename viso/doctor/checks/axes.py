@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""XN2: axes, held against what the vehicle itself says."""
+"""XN2: axes, compared with the vehicle's own attitude and path."""
 
 import math
 from collections.abc import Iterator
@@ -75,7 +75,7 @@ def camera_attitude(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _mounting_fix(axes: AxisMap, orient: int | None) -> str:
-    """Return what to do about axes that are left over once VISO_ORIENT is taken off; None where it is not obeyed."""
+    """Return how to correct axes that differ after VISO_ORIENT is taken off; ``orient`` is None if it has no effect."""
     mounted = AxisMap.of(axes.matrix @ rotation_matrix(orient)) if orient else axes
     rotation = mounted.rotation
     number = "of the custom kind" if rotation is None else f"{int(rotation)} ({orient_name(rotation)})"
@@ -200,7 +200,7 @@ def quaternion_order(evidence: Evidence) -> Iterator[Sighting]:
     ),
 )
 def sinks_below_start(evidence: Evidence) -> Iterator[Sighting]:
-    """Find what begins at rest, goes down and never up, where nothing else tells the vehicle's height or attitude."""
+    """Find poses that begin at rest and go down only, if nothing else shows the vehicle's height or attitude."""
     if (
         evidence.vehicle.height is not None
         or evidence.vehicle.level is not None
@@ -218,10 +218,10 @@ def sinks_below_start(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _median_tilt(quat_wxyz: Floats, vehicle_rad: Floats) -> float:
-    """Return the angle between two attitudes' verticals in rad; NaN where too few are known."""
-    told = euler_of_quat(quat_wxyz)
-    fine = np.isfinite(np.column_stack((told, vehicle_rad))).all(axis=1)
+    """Return the median angle between two attitudes' verticals in rad; NaN if too few are known."""
+    sent = euler_of_quat(quat_wxyz)
+    fine = np.isfinite(np.column_stack((sent, vehicle_rad))).all(axis=1)
     if np.count_nonzero(fine) < FEWEST:
         return math.nan
-    cosine = np.sum(down_in_body(told[fine]) * down_in_body(vehicle_rad[fine]), axis=1)
+    cosine = np.sum(down_in_body(sent[fine]) * down_in_body(vehicle_rad[fine]), axis=1)
     return float(np.median(np.arccos(np.clip(cosine, -1, 1))))

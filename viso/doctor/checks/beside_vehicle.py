@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A stream beside what the vehicle did by those who do not take it from the stream: what to compare, and when."""
+"""The stream's paths and headings compared with the vehicle's, as other sources than the stream show them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,10 +28,14 @@ _FAILED: Final = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Way:
-    """Where a stream says that it went, N x 3: its positions, or the sum of its velocities, of N chosen messages.
+class SentPath:
+    """The path of a stream: its positions, or the sum of its velocities.
 
-    It restarts where it breaks.
+    Attributes:
+        track: the messages.
+        chosen: N, the indices of those that are compared.
+        pos_m: N x 3, the path.
+        breaks_us: when the path begins again, us since boot.
     """
 
     track: Track
@@ -41,7 +45,7 @@ class Way:
 
     @property
     def arrival_us(self) -> Ints:
-        """When those messages arrived, us since boot."""
+        """N, when the chosen messages arrived, us since boot."""
         return np.asarray(self.track.arrival_us[self.chosen], dtype=np.int64)
 
 
@@ -51,59 +55,59 @@ class HeadingDeparture:
 
     Attributes:
         poses: of the stream.
-        told_by: what tells the vehicle's.
-        chosen: N, which messages are compared.
-        off_rad: N, by how much they are off, less what is off all the time.
-        turning_rad: N, the vehicle's rate of turn a second.
+        source: of the vehicle's heading, such as ATT.
+        chosen: N, the indices of the messages that are compared.
+        off_rad: N, the difference of the headings, less the constant difference.
+        turning_rad: N, the vehicle's rate of turn in rad/s.
     """
 
     poses: Poses
-    told_by: str
+    source: str
     chosen: Ints
     off_rad: Floats
     turning_rad: Floats
 
 
 def is_of_one_time(evidence: Evidence) -> bool:
-    """Return whether stream and vehicle are known to be of one time: a trajectory has a clock of its own."""
+    """Return whether the times of stream and vehicle are comparable: a trajectory has a clock of its own."""
     if Aspect.RESETS not in evidence.stream.lacks:
         return True
     return any(compared.since_arrival.enough_motion for compared in evidence.comparisons)
 
 
 def aligned_us(evidence: Evidence) -> list[int]:
-    """Return when poses were aligned: by the emulated autopilot, or by that whose log holds them."""
+    """Return when poses were aligned, by the emulated autopilot or by the one whose log holds them."""
     own = evidence.vehicle.own_filter if evidence.vehicle_witness is Witness.LOG else None
-    said = [(time_us, text) for time_us, _, text in evidence.trial.texts] + ([] if own is None else [*own.texts])
-    return [time_us for time_us, text in said if text.startswith(ALIGNED)]
+    texts = [(time_us, text) for time_us, _, text in evidence.trial.texts] + ([] if own is None else [*own.texts])
+    return [time_us for time_us, text in texts if text.startswith(ALIGNED)]
 
 
 def follows_vehicle(evidence: Evidence, time_us: Ints) -> Bools:
-    """Return when the autopilot made the positions of a log follow the vehicle, which navigated by something else."""
+    """Return when the autopilot moved logged positions along with a vehicle that navigated by another source."""
     own = evidence.vehicle.own_filter if evidence.vehicle_witness is Witness.LOG else None
     if own is None or evidence.viso_type not in ALIGNING_TYPES:
         return np.zeros(len(time_us), dtype=np.bool_)
     return own.is_fed_by_others(POSITION, time_us)
 
 
-def began_anew_us(evidence: Evidence, poses: Poses) -> Ints:
-    """Return when a stream's frame may have been turned or moved with a word: its counter, or alignment."""
+def frame_moved_us(evidence: Evidence, poses: Poses) -> Ints:
+    """Return when a stream's frame may have moved on purpose: at a change of the reset counter, or at an alignment."""
     aligned = aligned_us(evidence) if evidence.viso_type in ALIGNING_TYPES else []
     changed = poses.track.arrival_us[1:][np.diff(poses.reset_counter) != 0]
     return np.sort(np.concatenate([changed, np.array(aligned, dtype=np.int64)]))
 
 
-def ways_of_poses(evidence: Evidence) -> Iterator[tuple[Poses, Way]]:
-    """Yield poses, and the way of those that are not told to have failed and do not follow the vehicle."""
+def paths_of_poses(evidence: Evidence) -> Iterator[tuple[Poses, SentPath]]:
+    """Yield poses and their path, without failed ones and without those that follow the vehicle."""
     for poses in evidence.stream.poses:
         fine = (np.abs(poses.pos_m) < limits.FARTHEST_M).all(axis=1) & (poses.quality != _FAILED)
         chosen = np.flatnonzero(fine & ~follows_vehicle(evidence, poses.track.arrival_us))
         if len(chosen) >= limits.FEWEST_COMPARED:
-            yield poses, Way(poses.track, chosen, poses.pos_m[chosen], began_anew_us(evidence, poses))
+            yield poses, SentPath(poses.track, chosen, poses.pos_m[chosen], frame_moved_us(evidence, poses))
 
 
-def ways_of_velocities(evidence: Evidence) -> Iterator[tuple[Velocities, Way]]:
-    """Yield velocities, and the way that they come to, over no gap."""
+def paths_of_velocities(evidence: Evidence) -> Iterator[tuple[Velocities, SentPath]]:
+    """Yield velocities and the path that they sum up to; gaps are left out."""
     for velocities in evidence.stream.velocities:
         chosen = np.flatnonzero((np.abs(velocities.used) < limits.NONSENSE_M_S).all(axis=1))
         if len(chosen) < limits.FEWEST_COMPARED:
@@ -113,17 +117,17 @@ def ways_of_velocities(evidence: Evidence) -> Iterator[tuple[Velocities, Way]]:
         gap = step_s > limits.SUMMED_GAP_S
         moved = 0.5 * (used[1:] + used[:-1]) * np.where(gap, 0.0, step_s)[:, None]
         pos_m = np.concatenate([np.zeros((1, 3)), np.cumsum(moved, axis=0)])
-        yield velocities, Way(velocities.track, chosen, pos_m, time_us[1:][gap])
+        yield velocities, SentPath(velocities.track, chosen, pos_m, time_us[1:][gap])
 
 
 def reference_of(position: PositionSeries) -> tuple[Ints, Floats]:
-    """Return times and places, without height where that is not told, or by a GPS, whose heights wander."""
+    """Return times and positions; without height if it is not known, or is a GPS's, which wanders."""
     has_height = np.isfinite(position.ned_m[:, 2]).all() and not position.origin.startswith("GPS")
     return position.time_us, position.ned_m if has_height else position.ned_m[:, :2]
 
 
 def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
-    """Yield how the heading of each stream of poses leaves that of the vehicle."""
+    """Yield how the heading of each stream of poses departs from the vehicle's."""
     vehicle = evidence.vehicle.best_attitude
     if vehicle is None or len(vehicle) < FEWEST or not is_of_one_time(evidence):
         return
@@ -139,7 +143,7 @@ def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
         if len(chosen) < limits.FEWEST_COMPARED:
             continue
         time_us = poses.track.arrival_us[chosen]
-        edges = np.concatenate([began_anew_us(evidence, poses), _set_anew_us(vehicle)])
+        edges = np.concatenate([frame_moved_us(evidence, poses), _yaw_set_us(vehicle)])
         parts = np.searchsorted(np.sort(edges), time_us, side="right")
         off_rad = np.zeros(len(chosen))
         for part in np.unique(parts).tolist():
@@ -147,12 +151,12 @@ def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
             if np.ptp(time_us[inside]) >= limits.SHORTEST_COMPARED_US and np.count_nonzero(inside) >= FEWEST:
                 of_vehicle = quats_from_euler(there[chosen][inside])
                 off_rad[inside] = heading_departure(quats[chosen][inside], of_vehicle)
-        told_by = f"{vehicle.origin}, which may follow the stream" if vehicle.follows_stream else vehicle.origin
-        yield HeadingDeparture(poses, told_by, chosen, off_rad, _turning_rad(vehicle, time_us - delay_us))
+        source = f"{vehicle.origin}, which may follow the stream" if vehicle.follows_stream else vehicle.origin
+        yield HeadingDeparture(poses, source, chosen, off_rad, _turning_rad(vehicle, time_us - delay_us))
 
 
-def _set_anew_us(vehicle: AttitudeSeries) -> Ints:
-    """Return when the vehicle's own yaw was set again, as by an alignment in flight: no vehicle turns so fast."""
+def _yaw_set_us(vehicle: AttitudeSeries) -> Ints:
+    """Return when the vehicle's own yaw was set, as by an alignment in flight: no vehicle turns so fast."""
     yaw = vehicle.euler_rad[:, 2]
     step = np.abs(np.angle(np.exp(1j * np.diff(yaw))))
     usual = np.abs(np.angle(np.exp(1j * (yaw[2:] - yaw[:-2]))))
@@ -164,7 +168,7 @@ def _set_anew_us(vehicle: AttitudeSeries) -> Ints:
 
 
 def _turning_rad(vehicle: AttitudeSeries, time_us: Ints) -> Floats:
-    """Return how fast the vehicle turns about the vertical around some times, rad a second."""
+    """Return the vehicle's rate of turn about the vertical around some times, in rad/s."""
     ends = [
         vehicle.at(np.clip(time_us + by, vehicle.time_us[0], vehicle.time_us[-1]))
         for by in (-limits.TURNING_AROUND_US, limits.TURNING_AROUND_US)
@@ -173,7 +177,7 @@ def _turning_rad(vehicle: AttitudeSeries, time_us: Ints) -> Floats:
 
 
 def leaves(heading: HeadingDeparture) -> Bools:
-    """Return which messages have a yaw that is off for longer than a late one is in a turn; none if they are few."""
+    """Return which messages have a yaw that is wrong by more than lateness in a turn explains; none if they are few."""
     allowed = limits.HEADING_OFF_RAD + limits.HEADING_LATE_S * heading.turning_rad
     off = np.asarray(np.abs(heading.off_rad) > allowed, dtype=np.bool_)
     mask = lasting(heading.poses.track.arrival_us[heading.chosen], off)
@@ -181,32 +185,32 @@ def leaves(heading: HeadingDeparture) -> Bools:
 
 
 def wanders(evidence: Evidence, sender: Sender) -> bool:
-    """Return whether the sender's yaw leaves the vehicle's: what it turns says nothing about axes then."""
+    """Return whether the sender's yaw departs from the vehicle's: then nothing that it rotates shows axes."""
     return any(one.poses.track.sender == sender and leaves(one).any() for one in heading_departures(evidence))
 
 
-def likeness_of(evidence: Evidence, way: Way) -> Likeness | None:
-    """Return how a way is like the vehicle's own; None where nothing tells that, or the vehicle moved too little."""
+def likeness_of(evidence: Evidence, path: SentPath) -> Likeness | None:
+    """Return how a path resembles the vehicle's; None if that is not known, or the vehicle moved too little."""
     position = evidence.vehicle.position
     if position is None or not is_of_one_time(evidence):
         return None
     found = estimate_likeness(
-        way.arrival_us, way.pos_m, *reference_of(position), noise_m=position.noise_m, breaks_us=way.breaks_us
+        path.arrival_us, path.pos_m, *reference_of(position), noise_m=position.noise_m, breaks_us=path.breaks_us
     )
     return found if found.sufficient else None
 
 
 def is_related(evidence: Evidence, poses: Poses) -> bool:
-    """Return whether positions move with the vehicle, so that their axes and scale can be asked for."""
-    for one, way in ways_of_poses(evidence):
-        found = likeness_of(evidence, way) if one is poses else None
+    """Return whether positions move with the vehicle, so that their axes and scale can be judged."""
+    for one, path in paths_of_poses(evidence):
+        found = likeness_of(evidence, path) if one is poses else None
         if found is not None:
             return found.correlation >= limits.RELATED_CORRELATION and found.unlike < limits.UNLIKE_SHARE
     return True
 
 
 def lasting(time_us: Ints, mask: Bools) -> Bools:
-    """Return a mask without what lasts no longer than a second."""
+    """Return a mask without the runs that last no longer than ``limits.LASTING_US``."""
     edges = np.flatnonzero(np.diff(mask.astype(np.int8))) + 1
     kept = mask.copy()
     for run in np.split(np.arange(len(mask)), edges):

@@ -87,7 +87,7 @@ def stamp_unit(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _counts(track: Track, factor: float) -> bool:
-    """Return whether stamps count a unit of which there are ``factor`` in a us."""
+    """Return whether stamps count a unit of which ``factor`` make a us."""
     if is_constant(track) or are_us(track):
         return False
     low, high = limits.UNIT_WITHIN
@@ -97,7 +97,7 @@ def _counts(track: Track, factor: float) -> bool:
 
 
 def _wrong_unit_of_file(track: Track, advance_us: int, factor: float) -> Sighting:
-    """Return what to say of a file that does not tell when its poses came: its times alone look unlikely."""
+    """Return the sighting for a file without times of arrival, whose own times look unlikely."""
     period_s = advance_us * 1e-6 / (len(track) - 1)
     cure = f"Divide them by {factor:g}" if factor > 1 else f"Multiply them by {1 / factor:g}"
     return Sighting.in_track(
@@ -178,8 +178,8 @@ def clock_drift(evidence: Evidence) -> Iterator[Sighting]:
         steady_ppm = drift_ppm(minima)
         ppm = net_drift_ppm(minima) if steady_ppm is None else steady_ppm
         if ppm is not None and abs(ppm) >= limits.LEAST_DRIFT_PPM:
-            way, how = "slow" if ppm > 0 else "fast", "" if steady_ppm is not None else " in all, not steadily"
-            text = f"the sender's clock is {abs(ppm) / 1e4:.2f} % too {way}{how}, over {track.span_s:.0f} s"
+            speed, how = "slow" if ppm > 0 else "fast", "" if steady_ppm is not None else " in all, not steadily"
+            text = f"the sender's clock is {abs(ppm) / 1e4:.2f} % too {speed}{how}, over {track.span_s:.0f} s"
             yield Sighting.in_track(f"{track.sender}: {text}", track)
 
 
@@ -222,14 +222,14 @@ def two_clocks(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.ARRIVAL},
 )
 def clock_rate(evidence: Evidence) -> Iterator[Sighting]:
-    told = set()
+    reported = set()
     for track in evidence.stream.tracks:
         clock, whose = sender_clock(track), (track.sender.system_id, track.sender.component_id)
         if clock is None or is_constant(track) or any(_counts(track, factor) for _, factor, _, _ in _UNITS):
             continue
-        if (whose, clock.departure) in told:
+        if (whose, clock.departure) in reported:
             continue
-        told.add((whose, clock.departure))
+        reported.add((whose, clock.departure))
         cause, fix = _cause(clock, is_simulated=evidence.vehicle.is_simulated)
         advance_s = float(track.stamp_us[-1]) * 1e-6
         is_gross = clock.worst >= limits.CLOCK_FAR_OFF or clock.departure is Departure.ALTERNATING
@@ -243,7 +243,7 @@ def clock_rate(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _cause(clock: SenderClock, *, is_simulated: bool) -> tuple[str, str | None]:
-    """Return what to add on a clock, and what to do if the rule's advice is not all."""
+    """Return the likely cause of a clock's departure, and what to do if the check's advice does not fit."""
     if clock.departure is Departure.ALTERNATING:
         apart = f"{clock.step_s:.3g} s apart, with {clock.steps} steps back and forth"
         return (

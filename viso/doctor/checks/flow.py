@@ -12,12 +12,12 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.ground_set_up import (
     FLOW_BIT,
+    in_records,
     is_in_flight,
     is_recorded,
+    known_param,
+    not_heard,
     range_finders,
-    seen,
-    told,
-    unheard,
 )
 from viso.doctor.checks.phrases import at, how_often, listed, share
 from viso.doctor.evidence.evidence import Evidence
@@ -66,12 +66,12 @@ def flow_missing(evidence: Evidence) -> Iterator[Sighting]:
         return
     names = listed([f"EK3_SRC{number}_VELXY" for number in sets])
     severity = None if sets[0] == 1 else Severity.WARNING
-    kind, use = told(evidence, "FLOW_TYPE"), evidence.set_up.known.get("EK3_FLOW_USE")
+    kind, use = known_param(evidence, "FLOW_TYPE"), evidence.set_up.known.get("EK3_FLOW_USE")
     if kind == 0:
         yield Sighting(f"{names} 5 (OptFlow), and FLOW_TYPE is 0", severity=severity)
     elif use is not None and use != _TO_NAVIGATE:
         yield Sighting(f"{names} 5 (OptFlow), and EK3_FLOW_USE is {use:g}: it is not to navigate by", severity=severity)
-    elif not evidence.vehicle.ground.flows and (found := unheard(evidence, FLOW, severity)) is not None:
+    elif not evidence.vehicle.ground.flows and (found := not_heard(evidence, FLOW, severity)) is not None:
         of = "" if kind is None else f" (FLOW_TYPE {kind:g})"
         yield Sighting(f"{names} 5 (OptFlow), and no flow was heard{of}{found[0]}", severity=found[1])
 
@@ -89,11 +89,11 @@ def flow_missing(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def flow_unused(evidence: Evidence) -> Iterator[Sighting]:
-    kind, use = told(evidence, "FLOW_TYPE"), told(evidence, "EK3_FLOW_USE")
+    kind, use = known_param(evidence, "FLOW_TYPE"), known_param(evidence, "EK3_FLOW_USE")
     for flow in evidence.vehicle.ground.flows:
         everything = np.ones(len(flow), np.bool_)
         if flow.units is not None and kind is not None and kind != _MAVLINK:
-            yield seen(f"{len(flow)} messages, and FLOW_TYPE is {kind:g}", flow, everything)
+            yield in_records(f"{len(flow)} messages, and FLOW_TYPE is {kind:g}", flow, everything)
         elif (
             not _asking(evidence)
             and use is not None
@@ -101,7 +101,7 @@ def flow_unused(evidence: Evidence) -> Iterator[Sighting]:
             and "EK3_SRC1_VELXY" in evidence.set_up.known
         ):
             text = f"no EK3_SRCn_VELXY is 5 (OptFlow), and EK3_FLOW_USE is {use:g}"
-            yield seen(text, flow, everything, Severity.NOTE)
+            yield in_records(text, flow, everything, Severity.NOTE)
 
 
 @check(
@@ -123,7 +123,7 @@ def flow_quality(evidence: Evidence) -> Iterator[Sighting]:
         if bad.sum() > limits.FLOW_BAD_SHARE * flying.sum() and bad.sum() >= limits.FEWEST_FLOW:
             much = bad.sum() > limits.FLOW_VERY_BAD_SHARE * flying.sum()
             text = f"quality is 0 in {share(int(bad.sum()), int(flying.sum()))} measurements"
-            yield seen(text, flow, bad, None if much else Severity.WARNING)
+            yield in_records(text, flow, bad, None if much else Severity.WARNING)
 
 
 @check(
@@ -146,7 +146,7 @@ def flow_gaps(evidence: Evidence) -> Iterator[Sighting]:
         period_us = np.diff(flow.time_us)
         if np.median(period_us) > limits.FLOW_SLOW_US and flow.has_all:
             rate = 1e6 / float(np.median(period_us))
-            yield seen(f"{rate:.1f} measurements per second", flow, np.ones(len(flow), np.bool_))
+            yield in_records(f"{rate:.1f} measurements per second", flow, np.ones(len(flow), np.bool_))
             continue
         least_us = max(limits.FLOW_UNHEALTHY_US, 3 * float(np.median(period_us)))
         gap = np.append(False, period_us > least_us) & is_in_flight(evidence, flow.time_us)
@@ -161,7 +161,7 @@ def flow_gaps(evidence: Evidence) -> Iterator[Sighting]:
                 period_us[longest] >= limits.FLOW_STOPS_US and bool(_asking(evidence)) and not evidence.source("POSXY")
             )
             severity = None if stops else Severity.WARNING
-            yield seen(text, flow, gap, severity)
+            yield in_records(text, flow, gap, severity)
 
 
 def _fits(evidence: Evidence, of: str) -> Iterator[FlowFit]:
@@ -171,26 +171,26 @@ def _fits(evidence: Evidence, of: str) -> Iterator[FlowFit]:
 
 
 def _throughout(fit: FlowFit, text: str, fix: str | None = None, severity: Severity | None = None) -> Sighting:
-    """Return what all records of a sensor show together."""
+    """Return a sighting over all records of a sensor."""
     start_us, end_us = (int(time_us) for time_us in fit.flow.time_us[[0, -1]])
     return Sighting(f"{fit.flow.origin}: {text}", (), start_us, end_us, fix, severity)
 
 
 def _witness(fit: FlowFit) -> str:
-    """Return what tells, in words."""
+    """Return the reference of a fit in words."""
     return f"the {'turning' if fit.by_turning else 'velocity over the distance to the ground'} of {fit.by}"
 
 
 def _is_ranged(evidence: Evidence) -> bool:
-    """Return whether a range is known; else the height above the start stands for it, as if the ground were level."""
+    """Return whether a good range is known; without one, the height above the start replaces it."""
     return any(one.looks_down and one.is_good.any() for one in evidence.vehicle.ground.ranges)
 
 
 def _scaler(evidence: Evidence, fit: FlowFit) -> str:
-    """Return the scale parameters that would put a sensor right, in words."""
+    """Return the parameters that correct a sensor's scale, in words."""
     found = []
     for axis, factor in zip("XY", fit.factors, strict=True):
-        now = told(evidence, f"FLOW_F{axis}SCALER") or 0.0
+        now = known_param(evidence, f"FLOW_F{axis}SCALER") or 0.0
         wanted = 1000 * ((1 + 0.001 * now) / factor - 1)
         if abs(wanted) > _LARGEST_SCALER:
             return "Send flow in rad/s (divided by the period of the messages with FLOW_TYPE 5): no scaler goes so far."
@@ -241,7 +241,7 @@ def flow_axes(evidence: Evidence) -> Iterator[Sighting]:
             fix = "No FLOW_ORIENT_YAW mends that: change the sign, or swap the axes, where the flow is made."
             what = f"its axes are mirrored ({fit.axes})"
         elif abs(turned) > limits.FLOW_TURNED_DEG:
-            now = told(evidence, "FLOW_ORIENT_YAW") or 0.0
+            now = known_param(evidence, "FLOW_ORIENT_YAW") or 0.0
             wanted = 100 * -round((180 - (0.01 * now + turned)) % 360 - 180)
             fix = f"Set FLOW_ORIENT_YAW to about {wanted} (0.01 degrees) if that is how it is mounted."
             what = f"it is turned by {turned % 360:.0f} degrees (clockwise from above)"
@@ -263,7 +263,7 @@ def flow_axes(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def flow_delay(evidence: Evidence) -> Iterator[Sighting]:
-    delay_ms = told(evidence, "EK3_FLOW_DELAY")
+    delay_ms = known_param(evidence, "EK3_FLOW_DELAY")
     for fit in _fits(evidence, "flow"):
         if not fit.is_timed or delay_ms is None:
             continue
@@ -335,10 +335,10 @@ def flow_period(evidence: Evidence) -> Iterator[Sighting]:
         period_s = float(np.median(np.diff(flow.time_us))) * 1e-6
         if abs(factor - 1) > limits.FLOW_SCALE_OFF:
             text = f"of what flow_rate_x and flow_rate_y say the autopilot takes {factor:.3g} times as much"
-            yield seen(text, flow, known, Severity.ERROR)
+            yield in_records(text, flow, known, Severity.ERROR)
         elif period_s >= limits.FLOW_COARSE_S and flow.units.any():
             text = f"a message every {1e3 * period_s:.0f} ms: flow comes in steps of {period_s:.2f} rad/s"
-            yield seen(text, flow, everything, None if period_s >= limits.FLOW_VERY_COARSE_S else Severity.NOTE)
+            yield in_records(text, flow, everything, None if period_s >= limits.FLOW_VERY_COARSE_S else Severity.NOTE)
 
 
 @check(
@@ -362,7 +362,7 @@ def flow_too_fast(evidence: Evidence) -> Iterator[Sighting]:
         fast = (size > limit) & (flow.quality > 0)
         if fast.sum() > limits.FLOW_BAD_SHARE * len(flow) and fast.sum() >= limits.FEWEST_FLOW:
             text = f"{share(int(fast.sum()), len(flow))} measurements are above {limit:g} rad/s"
-            yield seen(f"{text}, up to {size.max():.1f}", flow, fast)
+            yield in_records(f"{text}, up to {size.max():.1f}", flow, fast)
 
 
 @check(
@@ -378,8 +378,8 @@ def flow_frozen(evidence: Evidence) -> Iterator[Sighting]:
     turning = evidence.vehicle.ground.turning
     for flow in evidence.vehicle.ground.flows:
         # What a companion sends is multiplied by a period that varies.
-        said = flow.rate if flow.units is None else flow.units
-        same = np.append(False, (np.diff(said, axis=0) == 0).all(axis=1))
+        values = flow.rate if flow.units is None else flow.units
+        same = np.append(False, (np.diff(values, axis=0) == 0).all(axis=1))
         same &= np.append(False, np.diff(flow.time_us) < limits.FLOW_UNHEALTHY_US)
         for start, end in stretches_of(same):
             since, until = int(flow.time_us[start - 1]), int(flow.time_us[end - 1])
@@ -393,7 +393,7 @@ def flow_frozen(evidence: Evidence) -> Iterator[Sighting]:
                 continue
             if turning[inside, 1:3].std(axis=0).max() > max(limits.FLOW_MOVES_RAD_S, step):
                 text = f"the same flow for {1e-6 * (until - since):.1f} s from {at(since)} on, while the vehicle turns"
-                yield seen(text, flow, (flow.time_us >= since) & (flow.time_us <= until))
+                yield in_records(text, flow, (flow.time_us >= since) & (flow.time_us <= until))
                 break
 
 
@@ -414,7 +414,7 @@ def flow_frozen(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def flow_without_range(evidence: Evidence) -> Iterator[Sighting]:
-    if 1 not in _asking(evidence) or told(evidence, "EK3_FLOW_USE") == 0:
+    if 1 not in _asking(evidence) or known_param(evidence, "EK3_FLOW_USE") == 0:
         return
     down = [one for one in evidence.vehicle.ground.ranges if one.looks_down]
     if any(one.is_good.any() for one in down):
@@ -424,7 +424,7 @@ def flow_without_range(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"EK3_SRC1_VELXY is 5 (OptFlow), and {down[0].origin} told no good range", severity=alone)
     elif range_finders(evidence) == []:
         yield Sighting("EK3_SRC1_VELXY is 5 (OptFlow), and no RNGFNDn_TYPE is set", severity=alone)
-    elif (found := unheard(evidence, RANGE, alone)) is not None:
+    elif (found := not_heard(evidence, RANGE, alone)) is not None:
         text = f"EK3_SRC1_VELXY is 5 (OptFlow), and no range of what looks down was heard{found[0]}"
         yield Sighting(text, severity=found[1])
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""XN2: frames of reference, and velocities held against the path."""
+"""XN2: frames of reference, and velocities compared with the path."""
 
 import math
 from collections import Counter
@@ -44,7 +44,7 @@ _BODY_FRD: Final = frozenset({8, 12})
 
 
 def _fix_of_frames(frame_id: int, child_id: int) -> str:
-    """Return what a sender of these frames has to do."""
+    """Return what the sender of ODOMETRY in these frames has to change."""
     if frame_id == child_id == 20:
         return (
             "Only the label of the velocity is wrong if it is in body axes: set child_frame_id to 12. Older VOXL "
@@ -108,13 +108,13 @@ def _scaled(motion: Motion, velocities: Floats) -> Floats:
 
 
 def _is_comparable(motion: Motion) -> bool:
-    return motion.is_enough and typical_speed(motion.told) > limits.ZERO_SPEED_SHARE * min(
+    return motion.is_enough and typical_speed(motion.sent) > limits.ZERO_SPEED_SHARE * min(
         LEAST_SPEED, typical_speed(motion.path)
     )
 
 
 class _Mixed(NamedTuple):
-    """A way in which velocities fit the path: which rule it is for, how well they fit, and in words."""
+    """A mix-up that makes velocities fit the path: the code of its check, how well they fit, a text, and a fix."""
 
     code: str
     correlation: float
@@ -127,9 +127,9 @@ def _as_used(motion: Motion) -> float:
 
 
 def _frame_mix(motion: Motion) -> _Mixed:
-    """Return how velocities fit if they are not turned as the autopilot does."""
+    """Return how velocities fit if they are in the other frame than the message says."""
     is_body = motion.velocity_sender.name == "ODOMETRY"
-    other = agreement(motion.path, _scaled(motion, motion.told if is_body else motion.turned)).correlation
+    other = agreement(motion.path, _scaled(motion, motion.sent if is_body else motion.turned)).correlation
     where = "local" if is_body else "body"
     fix = (
         "Turn the velocity into the body's axes by the inverse of q."
@@ -140,7 +140,7 @@ def _frame_mix(motion: Motion) -> _Mixed:
 
 
 def _order_mix(motion: Motion) -> Iterator[_Mixed]:
-    """Yield how velocities of ODOMETRY fit if its quaternion is read as x, y, z, w; the rule is among the axes."""
+    """Yield how velocities of ODOMETRY fit if its quaternion is read as x, y, z, w (XN2-10, in axes.py)."""
     if motion.velocity_sender.name == "ODOMETRY" and motion.is_level_reordered:
         correlation = agreement(motion.path, _scaled(motion, motion.reordered)).correlation
         yield _Mixed(_ORDER, correlation, "")
@@ -159,7 +159,7 @@ def _axes_mix(motion: Motion) -> Iterator[_Mixed]:
         text = f"the path fits velocities if their north, east, down are taken as {axes.text}"
         yield _Mixed("XN2-04", fit.correlation, text)
     if motion.velocity_sender.name == "ODOMETRY":
-        axes, fit = best_axes(motion.path_body, _scaled(motion, motion.told))
+        axes, fit = best_axes(motion.path_body, _scaled(motion, motion.sent))
         if not axes.is_identity:
             text = f"the path fits velocities if their forward, right, down are taken as {axes.text}"
             yield _Mixed("XN2-04", fit.correlation, text)
@@ -173,9 +173,9 @@ def _heading_mix(motion: Motion) -> Iterator[_Mixed]:
         yield _Mixed("XN2-05", correlation, text)
 
 
-@lru_cache(maxsize=32)  # four rules ask
+@lru_cache(maxsize=32)  # four checks ask
 def _mix_up(motion: Motion) -> _Mixed | None:
-    """Return the simplest of the ways in which velocities fit the path well; None if they fit as they are, or never."""
+    """Return the simplest mix-up with which velocities fit the path; None if they fit as they are, or with none."""
     if not _is_comparable(motion):
         return None
     least = max(limits.FITS_CORRELATION, _as_used(motion) + limits.BETTER_CORRELATION)

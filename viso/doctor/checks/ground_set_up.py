@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a vehicle is set up for flow and ranges, and when it flew: what the rules about both ask for."""
+"""The vehicle's set-up for flow and ranges, and when it flew, for the checks of both."""
 
 from typing import Final
 
@@ -18,10 +18,10 @@ CTUN_BIT: Final = 4
 """Bits of LOG_BITMASK, Copter's; ranges are logged with what the throttle controller does."""
 
 
-def told(evidence: Evidence, name: str) -> float | None:
-    """Return a parameter by what the recording or the user told; None if nobody knows.
+def known_param(evidence: Evidence, name: str) -> float | None:
+    """Return a parameter from the recording or the user; None if it is not known.
 
-    One of the filter's has its default where it is not told, any other of a whole list is 0: the vehicle lacks it.
+    EK3_ parameters have their defaults. Other parameters that a complete list lacks are 0, as the vehicle lacks them.
     """
     value = evidence.set_up.known.get(name)
     if value is None and name.startswith("EK3_"):
@@ -30,21 +30,21 @@ def told(evidence: Evidence, name: str) -> float | None:
 
 
 def range_finders(evidence: Evidence) -> list[RangeFinder] | None:
-    """Return the range finders that are set up; None if nobody tells."""
+    """Return the range finders that are set up; None if that is not known."""
     if not any(name.startswith("RNGFND") for name in evidence.set_up.known) and not evidence.set_up.is_complete:
         return None
     return finders_in(evidence.set_up.known)
 
 
 def is_recorded(evidence: Evidence, bit: int) -> bool:
-    """Return whether the recording would hold what a sensor says: a log by LOG_BITMASK, a stream if it is one."""
+    """Return whether the recording would hold a sensor's data: for a log by LOG_BITMASK, for a stream always."""
     if evidence.vehicle_witness is not Witness.LOG:
         return bool(evidence.stream.messages) or evidence.vehicle_witness is Witness.TELEMETRY
     return bool(int(evidence.set_up.known.get("LOG_BITMASK", 0.0)) >> bit & 1)
 
 
-def unheard(evidence: Evidence, sensor: str, severity: Severity | None) -> tuple[str, Severity | None] | None:
-    """Return what SYS_STATUS says of FLOW or RANGE, of which nothing is heard, and how bad that is; None if no sign."""
+def not_heard(evidence: Evidence, sensor: str, severity: Severity | None) -> tuple[str, Severity | None] | None:
+    """Return text and severity for a sensor, FLOW or RANGE, that is not in the recording; None if it may be well."""
     is_healthy = evidence.vehicle.ground.health.get(sensor)
     if not is_recorded(evidence, FLOW_BIT if sensor == FLOW else CTUN_BIT) or is_healthy:
         return None
@@ -54,8 +54,8 @@ def unheard(evidence: Evidence, sensor: str, severity: Severity | None) -> tuple
     return "", Severity.WARNING if evidence.vehicle_witness is Witness.TELEMETRY else severity
 
 
-def seen(text: str, one: FlowSeries | RangeSeries, mask: object, severity: Severity | None = None) -> Sighting:
-    """Return what some of a sensor's records show, one at least."""
+def in_records(text: str, one: FlowSeries | RangeSeries, mask: object, severity: Severity | None = None) -> Sighting:
+    """Return what the masked records of a sensor show, one at least."""
     chosen = np.flatnonzero(np.asarray(mask))
     times = one.time_us[chosen]
     numbers = one.numbers[chosen].tolist() if len(one.numbers) else []
@@ -63,16 +63,16 @@ def seen(text: str, one: FlowSeries | RangeSeries, mask: object, severity: Sever
 
 
 def named(one: FlowSeries | RangeSeries) -> str:
-    """Return how findings call a sensor."""
+    """Return the name of a sensor in findings."""
     if isinstance(one, RangeSeries) and one.origin in ("RFND", "RRNI"):
         return f"{one.origin} {one.instance}"
     return one.origin
 
 
 def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:
-    """Return how high the vehicle is above its start, by what does not come from a range; NaN where nothing tells.
+    """Return the vehicle's height above its start, from other sources than ranges; NaN where it is not known.
 
-    Where the vehicle tells no height, the stream's first poses do.
+    If the vehicle reports no height, those of the stream's first poses count.
     """
     series = evidence.vehicle.level or evidence.vehicle.height
     if series is not None:
@@ -89,7 +89,7 @@ def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:
 
 
 def is_in_flight(evidence: Evidence, time_us: Ints) -> Bools:
-    """Return at which times the vehicle was armed, and not on the ground, as far as anybody knows."""
+    """Return at which times the vehicle was armed and not on the ground, as far as is known."""
     own = evidence.vehicle.own_filter
     armed = np.ones(len(time_us), np.bool_)
     if own is not None and own.armed:

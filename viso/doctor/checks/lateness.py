@@ -58,7 +58,7 @@ def later_than_before(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _horizon_ms(evidence: Evidence) -> float:
-    """Return how late a message may be before the filter takes it for younger than it is."""
+    """Return how late a message may be before its sample lies behind the filter's horizon."""
     delay = float(np.clip(evidence.param("VISO_DELAY_MS"), *limits.VISO_DELAY_RANGE_MS))
     longest = max(60.0, evidence.param("EK3_HGT_DELAY"), delay)
     steps = int(longest // _FILTER_STEP_MS)

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""XN8: does the stream move as the vehicle does at all, by those who do not take it from the stream?
+"""XN8: does the stream move as the vehicle does at all, as other sources than the stream show it?
 
-Axes, scale and delay, which stay the same all the time, are taken out before: they are for other rules.
+Constant differences of axes, scale and delay are removed first; other checks find them.
 """
 
 from collections.abc import Iterator
@@ -13,16 +13,16 @@ import numpy as np
 from ekf_stub.ahrs.sources import EXTNAV
 from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import (
-    Way,
+    SentPath,
     aligned_us,
     heading_departures,
     is_of_one_time,
     lasting,
     leaves,
     likeness_of,
+    paths_of_poses,
+    paths_of_velocities,
     reference_of,
-    ways_of_poses,
-    ways_of_velocities,
 )
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, share
@@ -41,8 +41,8 @@ _YAW: Final = "AP_NavEKF3_MagFusion.cpp, NavEKF3_core::fuseEulerYaw"
 _SECOND_US: Final = 1_000_000
 
 
-def _takes(evidence: Evidence, *names: str) -> Severity | None:
-    """Return that the filter takes a kind of data in some set of sources at the rule's worst, else at a warning's."""
+def _severity_by_source(evidence: Evidence, *names: str) -> Severity | None:
+    """Return None, for the check's own severity, if a set of sources names the stream; else WARNING."""
     taken = any(evidence.source(name, number) == EXTNAV for name in names for number in SOURCE_SETS)
     return None if taken else Severity.WARNING
 
@@ -73,7 +73,7 @@ def yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
             is_gross = middle_deg > limits.YAW_OFF_MEDIAN_DEG or worst_deg > limits.YAW_OFF_WORST_DEG
             count = share(int(np.count_nonzero(mask)), len(mask))
             yield Sighting.in_track(
-                f"{track.sender}: the yaw is more than 10 deg from the vehicle's own ({heading.told_by}) in {count} "
+                f"{track.sender}: the yaw is more than 10 deg from the vehicle's own ({heading.source}) in {count} "
                 f"messages, by {middle_deg:.0f} deg in the middle of all and {worst_deg:.0f} deg at worst within "
                 f"{track.span_s:.0f} s, a constant difference taken off; the first at "
                 f"{at(track.arrival_us[heading.chosen[mask][0]])}",
@@ -83,9 +83,9 @@ def yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
-def _unlike(evidence: Evidence, way: Way, what: str, severity: Severity | None) -> Iterator[Sighting]:
-    """Yield that a way is none of the vehicle's."""
-    found, position = likeness_of(evidence, way), evidence.vehicle.position
+def _unlike(evidence: Evidence, path: SentPath, what: str, severity: Severity | None) -> Iterator[Sighting]:
+    """Yield a sighting if a path does not resemble the vehicle's."""
+    found, position = likeness_of(evidence, path), evidence.vehicle.position
     if found is None or position is None:
         return
     is_related = found.correlation >= limits.RELATED_CORRELATION
@@ -94,12 +94,12 @@ def _unlike(evidence: Evidence, way: Way, what: str, severity: Severity | None) 
         return
     is_gross = is_still or (not is_related and found.unlike > limits.MOSTLY_UNLIKE_SHARE)
     yield Sighting.in_track(
-        f"{way.track.sender}: the vehicle moved {found.flown_m:.1f} m by its own path ({position.origin}) within "
+        f"{path.track.sender}: the vehicle moved {found.flown_m:.1f} m by its own path ({position.origin}) within "
         f"{found.span_s:.0f} s, and {what} went {found.seen_m:.2f} m meanwhile; turned and moved to fit best "
         f"(correlation {found.correlation:.2f}), the two are {found.median_m:.1f} m apart in the middle, "
         f"{found.worst_m:.1f} m at worst",
-        way.track,
-        way.chosen,
+        path.track,
+        path.chosen,
         severity=severity if is_gross else Severity.WARNING,
     )
 
@@ -113,19 +113,21 @@ def _unlike(evidence: Evidence, way: Way, what: str, severity: Severity | None) 
         "times out after 7 s, and the filter resets to them."
     ),
     source=_FUSE,
-    fix=("Do not fly with this source. Check that it tracks at all, and that the sender sends its newest estimate."),
+    fix="Do not fly with this source. Check that it tracks at all, and that the sender sends its newest estimate.",
     witness=Witness.LOG,
 )
 def positions_unrelated(evidence: Evidence) -> Iterator[Sighting]:
-    for _, way in ways_of_poses(evidence):
-        yield from _unlike(evidence, way, "positions", _takes(evidence, "POSXY"))
+    for _, path in paths_of_poses(evidence):
+        yield from _unlike(evidence, path, "positions", _severity_by_source(evidence, "POSXY"))
 
 
-def _at_rest(evidence: Evidence, way: Way) -> list[Rest]:
+def _at_rest(evidence: Evidence, path: SentPath) -> list[Rest]:
     position = evidence.vehicle.position
     if position is None or not is_of_one_time(evidence):
         return []
-    return rests(way.arrival_us, way.pos_m, *reference_of(position), noise_m=position.noise_m, breaks_us=way.breaks_us)
+    return rests(
+        path.arrival_us, path.pos_m, *reference_of(position), noise_m=position.noise_m, breaks_us=path.breaks_us
+    )
 
 
 @check(
@@ -137,37 +139,37 @@ def _at_rest(evidence: Evidence, way: Way) -> list[Rest]:
         "estimate."
     ),
     source=_FUSE,
-    fix=("Look for a source that has lost its track and goes on by inertial data alone, or sees something else move."),
+    fix="Look for a source that has lost its track and goes on by inertial data alone, or sees something else move.",
     witness=Witness.LOG,
 )
 def moves_while_standing(evidence: Evidence) -> Iterator[Sighting]:
     noise_m = 0.0 if evidence.vehicle.position is None else evidence.vehicle.position.noise_m
-    for _, way in ways_of_poses(evidence):
+    for _, path in paths_of_poses(evidence):
         moved = [
             one
-            for one in _at_rest(evidence, way)
+            for one in _at_rest(evidence, path)
             if one.stream_m
             > max(limits.LEAST_DEPARTURE_M, limits.WANDERS_TIMES * noise_m, limits.WANDERS_TIMES * one.reference_m)
         ]
-        yield from _standing(evidence, way, moved, "positions move over", _takes(evidence, "POSXY"))
+        yield from _standing(evidence, path, moved, "positions move over", _severity_by_source(evidence, "POSXY"))
 
 
 def _standing(
-    evidence: Evidence, way: Way, moved: list[Rest], what: str, severity: Severity | None
+    evidence: Evidence, path: SentPath, moved: list[Rest], what: str, severity: Severity | None
 ) -> Iterator[Sighting]:
     if not moved or evidence.vehicle.position is None:
         return
     worst = max(moved, key=lambda one: one.stream_m)
-    arrival_us = way.arrival_us
+    arrival_us = path.arrival_us
     shown = np.zeros(len(arrival_us), dtype=np.bool_)
     for one in moved:
         shown |= (arrival_us >= one.start_us) & (arrival_us <= one.end_us)
     yield Sighting.in_track(
-        f"{way.track.sender}: the vehicle stands by its own path ({evidence.vehicle.position.origin}), within "
+        f"{path.track.sender}: the vehicle stands by its own path ({evidence.vehicle.position.origin}), within "
         f"{worst.reference_m:.2f} m from {at(worst.start_us)} to {at(worst.end_us)}, and {what} "
         f"{worst.stream_m:.2f} m",
-        way.track,
-        way.chosen[shown],
+        path.track,
+        path.chosen[shown],
         severity=severity,
     )
 
@@ -188,22 +190,24 @@ def height_leaves(evidence: Evidence) -> Iterator[Sighting]:
     level = evidence.vehicle.level
     if level is None or not is_of_one_time(evidence):
         return
-    for _, way in ways_of_poses(evidence):
-        time_s, level_s = (np.asarray(time_us * 1e-6, np.float64) for time_us in (way.arrival_us, level.time_us))
+    for _, path in paths_of_poses(evidence):
+        time_s, level_s = (np.asarray(time_us * 1e-6, np.float64) for time_us in (path.arrival_us, level.time_us))
         there, known = interpolated(level_s, level.down_m[:, None], time_s, limits.HEIGHT_GAP_S)
-        for part in _parts(way):
+        for part in _parts(path):
             inside = np.flatnonzero(known & part)
             if len(inside) < FEWEST_WINDOWS:
                 continue
-            sighting = _height_of(evidence, way, inside, there[inside, 0], level)
+            sighting = _height_of(evidence, path, inside, there[inside, 0], level)
             if sighting is not None:
                 yield sighting
                 break
 
 
-def _height_of(evidence: Evidence, way: Way, inside: Ints, vehicle_m: Floats, level: LevelSeries) -> Sighting | None:
-    """Return how far z leaves the vehicle's height in some messages of a way; None if it keeps to it."""
-    down_m, time_us = way.pos_m[inside, 2], way.arrival_us[inside]
+def _height_of(
+    evidence: Evidence, path: SentPath, inside: Ints, vehicle_m: Floats, level: LevelSeries
+) -> Sighting | None:
+    """Return a sighting if z departs from the vehicle's height in some messages of a path."""
+    down_m, time_us = path.pos_m[inside, 2], path.arrival_us[inside]
     off_m = departure(down_m, vehicle_m, least_m=4 * level.noise_m)
     off_m = np.asarray(off_m - np.median(off_m[: FEWEST_WINDOWS // 2]), dtype=np.float64)
     climbed_m = float(np.ptp(vehicle_m))
@@ -211,7 +215,7 @@ def _height_of(evidence: Evidence, way: Way, inside: Ints, vehicle_m: Floats, le
         limits.LEAST_DEPARTURE_M,
         limits.HEIGHT_OFF_TIMES * level.noise_m,
         limits.HEIGHT_OFF_CLIMB_SHARE * climbed_m,
-        limits.HEIGHT_OFF_PATH_SHARE * _length(way, inside),
+        limits.HEIGHT_OFF_PATH_SHARE * _length(path, inside),
     )
     mask = lasting(time_us, np.asarray(np.abs(off_m) > allowed_m))
     if not mask.any():
@@ -219,26 +223,26 @@ def _height_of(evidence: Evidence, way: Way, inside: Ints, vehicle_m: Floats, le
     worst = int(np.argmax(np.where(mask, np.abs(off_m), 0.0)))
     where = "below" if off_m[worst] > 0 else "above"
     return Sighting.in_track(
-        f"{way.track.sender}: at {at(time_us[worst])} z is {abs(off_m[worst]):.1f} m {where} the vehicle's own height "
+        f"{path.track.sender}: at {at(time_us[worst])} z is {abs(off_m[worst]):.1f} m {where} the vehicle's own height "
         f"({level.origin}), both counted from the start; within {np.ptp(time_us) * 1e-6:.0f} s that height changes by "
         f"{climbed_m:.1f} m in all, z by {np.ptp(down_m):.1f} m",
-        way.track,
-        way.chosen[inside[mask]],
-        severity=_takes(evidence, "POSZ"),
+        path.track,
+        path.chosen[inside[mask]],
+        severity=_severity_by_source(evidence, "POSZ"),
     )
 
 
-def _parts(way: Way) -> Iterator[Bools]:
-    """Yield which messages come between one new beginning of a stream and the next."""
-    number = np.searchsorted(way.breaks_us, way.arrival_us, side="right")
+def _parts(path: SentPath) -> Iterator[Bools]:
+    """Yield masks of the messages between two breaks of a path."""
+    number = np.searchsorted(path.breaks_us, path.arrival_us, side="right")
     for part in np.unique(number).tolist():
         yield np.asarray(number == part, dtype=np.bool_)
 
 
-def _length(way: Way, inside: Ints) -> float:
-    """Return how long a way is over the ground, by its places a second apart."""
-    second = way.arrival_us[inside] // _SECOND_US
-    places = way.pos_m[inside][np.diff(second, prepend=-1) > 0, :2]
+def _length(path: SentPath, inside: Ints) -> float:
+    """Return the length of a path over the ground, from positions a second apart."""
+    second = path.arrival_us[inside] // _SECOND_US
+    places = path.pos_m[inside][np.diff(second, prepend=-1) > 0, :2]
     return float(np.sum(np.linalg.norm(np.diff(places, axis=0), axis=1)))
 
 
@@ -258,27 +262,25 @@ def _length(way: Way, inside: Ints) -> float:
     witness=Witness.LOG,
 )
 def velocities_unrelated(evidence: Evidence) -> Iterator[Sighting]:
-    severity = _takes(evidence, "VELXY", "VELZ")
-    for velocities, way in ways_of_velocities(evidence):
-        if not np.any(velocities.used[way.chosen]):
+    severity = _severity_by_source(evidence, "VELXY", "VELZ")
+    for velocities, path in paths_of_velocities(evidence):
+        if not np.any(velocities.used[path.chosen]):
             continue
-        yield from _unlike(evidence, way, "velocities", severity)
+        yield from _unlike(evidence, path, "velocities", severity)
         moved = [
             one
-            for one in _at_rest(evidence, way)
+            for one in _at_rest(evidence, path)
             if one.stream_m
             > max(limits.STANDING_M_S * (one.end_us - one.start_us) * 1e-6, limits.WANDERS_TIMES * one.reference_m)
         ]
-        yield from _standing(evidence, way, moved, "velocities lead over", severity)
+        yield from _standing(evidence, path, moved, "velocities lead over", severity)
 
 
 @check(
     code="XN8-15",
     severity=Severity.ERROR,
     title="Velocities and positions are not of one motion",
-    firmware=(
-        "The filter gets two measurements that contradict each other, and follows the one with the smaller error."
-    ),
+    firmware="The filter gets two measurements that contradict each other, and follows the one with the smaller error.",
     source=_FUSE,
     fix=(
         "One of them is wrong: plot the positions' change beside the velocities. With EK3_SRC1_VELXY and VELZ 0 "
@@ -287,10 +289,10 @@ def velocities_unrelated(evidence: Evidence) -> Iterator[Sighting]:
 )
 def two_motions(evidence: Evidence) -> Iterator[Sighting]:
     for motion in motions_of(evidence.stream.poses, evidence.stream.velocities, limits.TWO_MOTIONS_WINDOW_S):
-        if len(motion.numbers) < FEWEST_WINDOWS or typical_speed(motion.path) < LEAST_SPEED or not np.any(motion.told):
+        if len(motion.numbers) < FEWEST_WINDOWS or typical_speed(motion.path) < LEAST_SPEED or not np.any(motion.sent):
             continue
         unlike = min(
-            _unlike_share(motion.path, sent) for sent in (motion.used, motion.told, motion.turned, motion.reordered)
+            _unlike_share(motion.path, sent) for sent in (motion.used, motion.sent, motion.turned, motion.reordered)
         )
         if unlike > limits.MOSTLY_UNLIKE_SHARE:
             yield Sighting.in_track(
@@ -298,12 +300,12 @@ def two_motions(evidence: Evidence) -> Iterator[Sighting]:
                 f"move at {typical_speed(motion.path):.2f} m/s, velocities say {typical_speed(motion.used):.2f} m/s; "
                 f"{100 * unlike:.0f} % of the time they are off by more than half, whatever axes and scale are taken",
                 motion,
-                severity=_takes(evidence, "VELXY", "VELZ"),
+                severity=_severity_by_source(evidence, "VELXY", "VELZ"),
             )
 
 
 def _unlike_share(path: Floats, velocities: Floats) -> float:
-    """Return the share of windows in which velocities, turned and scaled to fit best, are off a path by half of it."""
+    """Return the share of windows in which velocities, rotated and scaled to fit best, differ from a path by half."""
     usable = (np.abs(np.column_stack((path, velocities))) < limits.NONSENSE_M_S).all(axis=1)
     path, velocities = path[usable], velocities[usable]
     if len(path) < FEWEST_WINDOWS:

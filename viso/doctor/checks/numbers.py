@@ -44,9 +44,7 @@ def nan_position(evidence: Evidence) -> Iterator[Sighting]:
     code="XN5-02",
     severity=Severity.ERROR,
     title="NaN in the attitude",
-    firmware=(
-        "The position is used, the yaw is not; the velocity of an ODOMETRY is lost as well, because q rotates it."
-    ),
+    firmware="The position is used, the yaw is not; the velocity of an ODOMETRY is lost as well, because q rotates it.",
     source=_INGEST,
     fix="Send the attitude that belongs to the position.",
 )
@@ -65,7 +63,7 @@ def nan_attitude(evidence: Evidence) -> Iterator[Sighting]:
 )
 def nan_velocity(evidence: Evidence) -> Iterator[Sighting]:
     for velocities in evidence.stream.velocities:
-        yield from masked("have NaN in the velocity", velocities.track, np.isnan(velocities.told).any(axis=1))
+        yield from masked("have NaN in the velocity", velocities.track, np.isnan(velocities.sent).any(axis=1))
 
 
 @check(
@@ -83,7 +81,7 @@ def infinite_numbers(evidence: Evidence) -> Iterator[Sighting]:
             mask |= np.isinf(poses.euler_rad).any(axis=1)
         yield from masked("have infinity in the pose", poses.track, mask)
     for velocities in evidence.stream.velocities:
-        yield from masked("have infinity in the velocity", velocities.track, np.isinf(velocities.told).any(axis=1))
+        yield from masked("have infinity in the velocity", velocities.track, np.isinf(velocities.sent).any(axis=1))
 
 
 @check(
@@ -131,7 +129,7 @@ def _is_read(evidence: Evidence, poses: Poses) -> bool:
 
 
 def _errors(evidence: Evidence, poses: Poses) -> tuple[Floats, Floats]:
-    """Return posErr (m) and angErr (rad) as the endpoint makes them, before they are limited."""
+    """Return posErr (m) and angErr (rad) as the endpoint computes them, before they are limited."""
     formula = evidence.set_up.firmware.endpoint.error_formula
     errors = [pose_errors(row, formula) for row in poses.covariance.tolist()]
     pos, ang = np.array(errors, np.float64).reshape(-1, 2).T
@@ -176,16 +174,16 @@ def no_covariance(evidence: Evidence) -> Iterator[Sighting]:
 def covariance_below_floor(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.stream.poses:
         given, (pos_err, ang_err) = _is_given(evidence, poses), _errors(evidence, poses)
-        for name, diagonal, told, unit in (
+        for name, diagonal, errors, unit in (
             ("VISO_POS_M_NSE", _DIAGONAL_POSITION, pos_err, "m"),
             ("VISO_YAW_M_NSE", _DIAGONAL_ANGLE, ang_err, "rad"),
         ):
             floor = evidence.param(name)
-            mask = given & (told < floor)
+            mask = given & (errors < floor)
             if mask.any():
                 variances = np.clip(poses.covariance[mask][:, diagonal], 0, None)
                 sigma = float(np.median(np.sqrt(variances.max(axis=1))))
-                taken = float(np.median(told[mask]))
+                taken = float(np.median(errors[mask]))
                 yield from masked(
                     f"say {sigma:.2g} {unit} (largest sigma), of which the firmware makes {taken:.2g} and raises it to "
                     f"{name} {floor:.2g}",
@@ -227,13 +225,13 @@ def nan_covariance(evidence: Evidence) -> Iterator[Sighting]:
 def huge_covariance(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.stream.poses:
         given, (pos_err, ang_err) = _is_given(evidence, poses), _errors(evidence, poses)
-        for told, most, limit, unit in (
+        for errors, most, limit, unit in (
             (pos_err, limits.HUGE_ERROR_M, float(POS_ERR_MAX_M), "m"),
             (ang_err, float(ANG_ERR_MAX_RAD), float(ANG_ERR_MAX_RAD), "rad"),
         ):
-            mask = given & (told > most)
+            mask = given & (errors > most)
             if mask.any():
-                in_effect = min(float(np.median(told[mask])), limit)
+                in_effect = min(float(np.median(errors[mask])), limit)
                 yield from masked(f"have a covariance that means {in_effect:.3g} {unit} to the EKF", poses.track, mask)
 
 
@@ -262,7 +260,7 @@ def frozen_pose(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _is_in_motion(poses: Poses, first: int, last: int) -> bool:
-    """Return whether the pose stops as no vehicle can, or goes on elsewhere; a leap between two rests is no motion."""
+    """Return whether the pose stops faster than a vehicle can, or goes on elsewhere, and not from rest to rest."""
     pos_m = poses.pos_m
     start, end = max(0, first - 1), min(len(poses.track) - 1, last + 1)
     time_s = max(float(poses.track.arrival_us[first] - poses.track.arrival_us[start]) * 1e-6, 5e-3)

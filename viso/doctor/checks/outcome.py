@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""XN9: what the filter, a model of EKF3, makes of it, unless the vehicle's own is known to have done otherwise."""
+"""XN9: what the filter, a model of EKF3, does with the stream; the vehicle's own filter, if recorded, wins."""
 
 import re
 from collections import Counter
@@ -38,21 +38,21 @@ def _first_aiding(evidence: Evidence) -> AidingSpan | None:
 
 
 def _own_filter(evidence: Evidence) -> OwnFilter | None:
-    """Return what the vehicle's own filter said, if it was tried with the parameters that it flew with."""
+    """Return the reports of the vehicle's own filter, if the trial has the parameters that it flew with."""
     own = evidence.vehicle.own_filter
     return own if own is not None and evidence.set_up.is_as_flown and own.flags.any() else None
 
 
 def _is_denied(evidence: Evidence) -> bool:
-    """Return whether the vehicle's own filter waited for external navigation all along, and never had a position."""
+    """Return whether the vehicle's own filter waited for external navigation all the time, and never had a position."""
     own = _own_filter(evidence)
     return own is not None and bool((own.wants_extnav & own.running).any()) and not own.uses_extnav.any()
 
 
 def _kept_on(evidence: Evidence, stops: list[int]) -> str:
-    """Return that the vehicle's own filter went on where the model would stop; nothing if it did not, or nobody knows.
+    """Return a text if the vehicle's own filter went on where the model would stop; "" if not, or if that is not known.
 
-    It is looked at for some time about each stop: a model is no clock.
+    Some time around each stop counts, because the model may stop earlier or later.
     """
     own = _own_filter(evidence)
     if own is None or not own.uses_extnav.any():
@@ -68,7 +68,7 @@ def _kept_on(evidence: Evidence, stops: list[int]) -> str:
 
 
 def _passed(evidence: Evidence, kind: str) -> str:
-    """Return that the vehicle's own filter rejected nothing of a kind; nothing if it did, or nobody knows."""
+    """Return a text if the vehicle's own filter rejected nothing of a kind; "" if it did, or if that is not known."""
     own, channel = _own_filter(evidence), _CHANNEL_OF.get(kind)
     if own is None or channel is None:
         return ""
@@ -132,7 +132,7 @@ def would_never_aid(evidence: Evidence) -> Iterator[Sighting]:
     code="XN9-03",
     severity=Severity.ERROR,
     title="The filter would stop using it",
-    firmware=("It says stopped aiding, and holds a position that it no longer knows; in flight the EKF failsafe acts."),
+    firmware="It says stopped aiding, and holds a position that it no longer knows; in flight the EKF failsafe acts.",
     source=_CONTROL,
     fix="See the findings about gaps, jumps and sources.",
     witness=Witness.MODEL,
@@ -150,7 +150,7 @@ def would_stop_aiding(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[HandledMessage]]]:
-    """Yield each kind of samples of which some were rejected: how many were tested, and the messages of those."""
+    """Yield each kind of sample of which some were rejected, how many were tested, and the rejected ones' messages."""
     tested: Counter[str] = Counter()
     rejected: dict[str, list[HandledMessage]] = {}
     for one in evidence.stream.vision:
@@ -179,19 +179,19 @@ def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[Handl
 def would_reject(evidence: Evidence) -> Iterator[Sighting]:
     for kind, tested, messages in _rejected_by_kind(evidence):
         blind = _after_silence(evidence, messages)
-        seen = [one for one in messages if one.number not in blind]
-        counted = seen if _is_much(seen, tested) else messages
+        known = [one for one in messages if one.number not in blind]
+        counted = known if _is_much(known, tested) else messages
         if not _is_much(counted, tested):
             continue
         why = ""
-        if counted is not seen:
+        if counted is not known:
             why = ", after a time without samples, over which nobody can tell how the vehicle moved"
         elif _accelerates(evidence, counted):
             why = ", where the path accelerates harder than the model's vehicle can follow"
         elif evidence.trial.model_jumps > jumps_in(evidence):
             why = ", and the model's vehicle took motion for jumps: it lost the stream, which a real one does not"
         but = _passed(evidence, kind)
-        # By how much is told where the model's vehicle keeps to the stream: elsewhere it shows where the model went.
+        # The size counts where the model's vehicle keeps to the stream: elsewhere it shows where the model went.
         worst = evidence.trial.innovations[kind].worst if kind in evidence.trial.innovations else 0.0
         how_much = "" if why else f"; the worst is {worst:.2f} {UNITS.get(kind, '')} off"
         yield Sighting.in_messages(
@@ -207,9 +207,9 @@ def _is_much(messages: list[HandledMessage], tested: int) -> bool:
 
 
 def _after_silence(evidence: Evidence, messages: list[HandledMessage]) -> set[int]:
-    """Return the numbers of messages whose rejection began behind a gap of accepted ones.
+    """Return the numbers of messages whose rejection began after a gap without accepted ones.
 
-    The model's vehicle follows what is accepted; over a gap it is guessed, where a real one has its own inertial data.
+    Over a gap the motion of the model's vehicle is a guess; a real vehicle has its own inertial data.
     """
     accepted_us = np.array([one.arrival_us for one in _accepted(evidence)], dtype=np.int64)
     found: set[int] = set()
@@ -226,7 +226,7 @@ def _after_silence(evidence: Evidence, messages: list[HandledMessage]) -> set[in
 
 
 def _accelerates(evidence: Evidence, messages: list[HandledMessage]) -> bool:
-    """Return whether a path without jumps is too hard for the imagined vehicle before the first of some messages."""
+    """Return whether a path without jumps accelerates harder than the model's vehicle can, before some messages."""
     start_us, end_us = messages[0].arrival_us - limits.HARD_BEFORE_US, messages[0].arrival_us + limits.HARD_AFTER_US
     for poses in evidence.stream.poses:
         time_s: Floats = np.asarray(time_base_us(poses.track) * 1e-6, dtype=np.float64)
@@ -243,7 +243,7 @@ def _accelerates(evidence: Evidence, messages: list[HandledMessage]) -> bool:
 
 
 def _accelerations(time_s: Floats, pos_m: Floats, every: int) -> Floats:
-    """Return the size of the acceleration in m/s^2 between three of N poses that are ``every`` apart."""
+    """Return the size of the acceleration in m/s^2 over three of N poses that are ``every`` indices apart."""
     before = np.maximum(time_s[every:-every] - time_s[: -2 * every], 1e-3)[:, None]
     after = np.maximum(time_s[2 * every :] - time_s[every:-every], 1e-3)[:, None]
     behind = (pos_m[every:-every] - pos_m[: -2 * every]) / before
@@ -286,19 +286,19 @@ def would_lose_samples(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def autopilot_texts(evidence: Evidence) -> Iterator[Sighting]:
-    told = [
+    texts = [
         (time_us, text)
         for time_us, severity, text in evidence.vehicle.texts
         if severity <= _WARNING and any(word in text for word in _CONCERNS)
     ]
     own = evidence.vehicle.own_filter
-    if own is not None and own.witness is Witness.LOG:  # which keeps no severities; other rules look at the rest
-        told += [
+    if own is not None and own.witness is Witness.LOG:  # it has no severities; other checks look at the other texts
+        texts += [
             (time_us, text)
             for time_us, text in own.texts
             if _REFUSAL.match(text) and any(word in text for word in _CONCERNS)
         ]
-    for text, count in Counter(text for _, text in told).most_common(_MOST_TEXTS):
-        time_us = next(when for when, what in told if what == text)
+    for text, count in Counter(text for _, text in texts).most_common(_MOST_TEXTS):
+        time_us = next(when for when, what in texts if what == text)
         more = "" if count == 1 else f", {count} times"
         yield Sighting(f'at {at(time_us)} your autopilot said "{text}"{more}', start_us=time_us)

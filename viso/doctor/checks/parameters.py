@@ -57,9 +57,7 @@ def visual_odometry_off(evidence: Evidence) -> Iterator[Sighting]:
     code="XN7-02",
     severity=Severity.ERROR,
     title="No backend",
-    firmware=(
-        "The backend is made at boot. Without one all data are dropped, and arming fails: VisOdom: out of memory."
-    ),
+    firmware="The backend is made at boot. Without one all data are dropped, and arming fails: VisOdom: out of memory.",
     source=NO_BACKEND.rule.source,
     fix="Set VISO_TYPE to 1, 2 or 3, and reboot.",
     witness=Witness.LOG,
@@ -127,7 +125,7 @@ def _is(names: list[str]) -> str:
         "The filter makes its buffers at boot, and only if some source is 6; without them every sample is discarded."
     ),
     source=NO_BUFFER.source,
-    fix=("Set EK3_SRC1_POSXY 6 and, as far as the stream carries them, EK3_SRC1_VELXY, VELZ and YAW; then reboot."),
+    fix="Set EK3_SRC1_POSXY 6 and, as far as the stream carries them, EK3_SRC1_VELXY, VELZ and YAW; then reboot.",
     witness=Witness.LOG,
 )
 def no_source(evidence: Evidence) -> Iterator[Sighting]:
@@ -150,9 +148,7 @@ def no_source(evidence: Evidence) -> Iterator[Sighting]:
     code="XN7-05",
     severity=Severity.WARNING,
     title="Sources of a set that is not active",
-    firmware=(
-        "After boot set 1 is in use; others only after a switch by RC function 90 or MAV_CMD_SET_EKF_SOURCE_SET."
-    ),
+    firmware="After boot set 1 is in use; others only after a switch by RC function 90 or MAV_CMD_SET_EKF_SOURCE_SET.",
     source="AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::setPosVelYawSourceSet",
     fix="Switch sets, or move the sources to EK3_SRC1.",
     witness=Witness.LOG,
@@ -191,9 +187,9 @@ def velocities_not_used(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def illegal_source(evidence: Evidence) -> Iterator[Sighting]:
-    seen = evidence.vehicle.ground.flows or evidence.vehicle.ground.ranges
+    has_sensors = evidence.vehicle.ground.flows or evidence.vehicle.ground.ranges
     by_flow = any(evidence.source(name, number) == SourceXY.OPTFLOW for name in ROWS for number in SOURCE_SETS)
-    for number in SOURCE_SETS if evidence.is_concerned or seen or by_flow else ():
+    for number in SOURCE_SETS if evidence.is_concerned or has_sensors or by_flow else ():
         for name in ROWS:
             value = evidence.source(name, number)
             if value not in ALLOWED[name]:
@@ -362,7 +358,7 @@ def value_out_of_range(evidence: Evidence) -> Iterator[Sighting]:
     severity=Severity.NOTE,
     title="Parameters were assumed",
     firmware="What your autopilot does depends on its own parameters.",
-    source=("AP_VisualOdom.cpp, AP_VisualOdom::var_info; AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::var_info"),
+    source="AP_VisualOdom.cpp, AP_VisualOdom::var_info; AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::var_info",
     fix="Give them: --defaults FILE.parm, or --param NAME=VALUE.",
 )
 def assumed_parameters(evidence: Evidence) -> Iterator[Sighting]:

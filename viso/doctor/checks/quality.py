@@ -26,7 +26,7 @@ def _odometry(evidence: Evidence) -> list[tuple[HandledMessage, int]]:
     code="XN6-06",
     severity=Severity.WARNING,
     title="Quality outside its range",
-    firmware=("The field is a signed byte: a value above 127 arrives as a negative number, below every VISO_QUAL_MIN."),
+    firmware="The field is a signed byte: a value above 127 arrives as a negative number, below every VISO_QUAL_MIN.",
     source=_GATE,
     fix="Send -1 for failed, 0 for unknown, else 1 to 100.",
     needs={Aspect.QUALITY},

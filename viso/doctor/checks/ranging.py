@@ -15,13 +15,13 @@ from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.ground_set_up import (
     CTUN_BIT,
     above_start_m,
+    in_records,
     is_in_flight,
     is_recorded,
+    known_param,
     named,
+    not_heard,
     range_finders,
-    seen,
-    told,
-    unheard,
 )
 from viso.doctor.checks.phrases import at, how_often, listed, share
 from viso.doctor.evidence.evidence import Evidence
@@ -44,14 +44,14 @@ _WHY: Final = {
 
 
 def _asking(evidence: Evidence) -> list[str]:
-    """Return what asks for ranges in the set-up, the first source set first."""
+    """Return the parameters that ask for ranges, the first source set first."""
     sets = [f"EK3_SRC{n}_POSZ 2" for n in SOURCE_SETS if evidence.source("POSZ", n) == SourceZ.RANGEFINDER]
     use = evidence.set_up.known.get("EK3_RNG_USE_HGT", -1.0)
     return [*sets, *([f"EK3_RNG_USE_HGT {use:g}"] if use > 0 else [])]
 
 
 def _down(evidence: Evidence) -> Iterator[RangeSeries]:
-    """Yield the range finders of which the filter takes ranges."""
+    """Yield the range finders that the filter may use: those that look down."""
     for one in evidence.vehicle.ground.ranges:
         if one.looks_down and len(one):
             yield one
@@ -79,7 +79,7 @@ def range_missing(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if asking[0].startswith("EK3_SRC1") else Severity.WARNING
     if range_finders(evidence) == []:
         yield Sighting(f"{listed(asking)}, and no RNGFNDn_TYPE is set", severity=severity)
-    elif not evidence.vehicle.ground.ranges and (found := unheard(evidence, RANGE, severity)) is not None:
+    elif not evidence.vehicle.ground.ranges and (found := not_heard(evidence, RANGE, severity)) is not None:
         yield Sighting(f"{listed(asking)}, and no range was heard{found[0]}", severity=found[1])
 
 
@@ -102,9 +102,9 @@ def range_unused(evidence: Evidence) -> Iterator[Sighting]:
         everything, orient = np.ones(len(one), np.bool_), int(one.orient[-1])
         ours = [f"RNGFND{finder.number}_ORIENT {finder.orient}" for finder in finders if finder.is_mavlink]
         if not ours:
-            yield seen(f"{len(one)} messages, and no RNGFNDn_TYPE is 10 (MAVLink)", one, everything)
+            yield in_records(f"{len(one)} messages, and no RNGFNDn_TYPE is 10 (MAVLink)", one, everything)
         elif not any(finder.is_mavlink and finder.orient == orient for finder in finders):
-            yield seen(f"they are of orientation {orient}, and there is {listed(ours)}", one, everything)
+            yield in_records(f"they are of orientation {orient}, and there is {listed(ours)}", one, everything)
 
 
 @check(
@@ -123,11 +123,11 @@ def range_not_down(evidence: Evidence) -> Iterator[Sighting]:
     wants = bool(_asking(evidence)) or any(evidence.source("VELXY", n) == 5 for n in SOURCE_SETS)
     for one in ranges:
         text = f"orientation {int(one.orient[-1])}, and none is of orientation {DOWNWARD}"
-        yield seen(text, one, np.ones(len(one), np.bool_), None if wants else Severity.NOTE)
+        yield in_records(text, one, np.ones(len(one), np.bool_), None if wants else Severity.NOTE)
 
 
 def _statuses(one: RangeSeries, mask: Bools) -> str:
-    """Return what was wrong with some ranges, in words, the commonest first."""
+    """Return why some ranges were not good, in words, the most frequent reason first."""
     counts = Counter(one.status[mask].tolist())
     return " and ".join(
         f"{share(count, int(mask.sum()))} {_WHY[RangeStatus(status)]}"
@@ -159,7 +159,9 @@ def range_never_good(evidence: Evidence) -> Iterator[Sighting]:
             text = (
                 f"no range is good: {_statuses(one, everything)}, distances {_span(one.dist_m)}{_limits(evidence, one)}"
             )
-            yield seen(text, one, everything, None if wants and len(one) >= limits.FEWEST_RANGES else Severity.WARNING)
+            yield in_records(
+                text, one, everything, None if wants and len(one) >= limits.FEWEST_RANGES else Severity.WARNING
+            )
 
 
 def _span(dist_m: Floats) -> str:
@@ -167,7 +169,7 @@ def _span(dist_m: Floats) -> str:
 
 
 def _limits(evidence: Evidence, one: RangeSeries) -> str:
-    """Return what the sensor is set to measure, in words; nothing where nobody tells."""
+    """Return the limits of a sensor in words; "" if they are not known."""
     if np.isfinite(one.low_m).all() and np.isfinite(one.high_m).all():
         return f", limits {one.low_m[-1]:.2f} and {one.high_m[-1]:.2f} m"
     names = [f"RNGFND{one.instance + 1}_{name}" for name in ("MIN", "MAX")]
@@ -239,7 +241,7 @@ def range_stuck(evidence: Evidence) -> Iterator[Sighting]:
                     f"{one.dist_m[start]:.2f} m for {1e-6 * took_us:.1f} s, while the vehicle's height changed by "
                     f"{np.ptp(known):.1f} m"
                 )
-                yield seen(text, one, shown)
+                yield in_records(text, one, shown)
                 break
 
 
@@ -268,7 +270,7 @@ def range_outliers(evidence: Evidence) -> Iterator[Sighting]:
             shown = np.zeros(len(one), np.bool_)
             shown[chosen[outlier]] = True
             text = f"{share(int(outlier.sum()), len(dist_m))} good ranges are off by up to {off_m.max():.1f} m"
-            yield seen(f"{text} from those around them", one, shown)
+            yield in_records(f"{text} from those around them", one, shown)
 
 
 @check(
@@ -288,11 +290,11 @@ def range_scale(evidence: Evidence) -> Iterator[Sighting]:
         factor, alike = found
         if alike > limits.RANGE_ALIKE_CORRELATION and abs(factor - 1) > limits.RANGE_SCALE_OFF:
             text = f"ranges grow {factor:.2f} times as much as the vehicle's height (correlation {alike:.2f})"
-            yield seen(text, one, one.is_good)
+            yield in_records(text, one, one.is_good)
 
 
 def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> tuple[float, float] | None:
-    """Return how much ranges, so late, grow with the height, and the correlation; None without a climb."""
+    """Return how much ranges grow with the height of ``late_us`` before, and the correlation; None without a climb."""
     height_m = above_start_m(evidence, one.time_us - late_us)
     known = one.is_good & np.isfinite(height_m) & np.isfinite(one.dist_m)
     if (
@@ -330,7 +332,7 @@ def range_late(evidence: Evidence) -> Iterator[Sighting]:
         is_clear = is_clear and left < limits.RANGE_LATE_UNEXPLAINED * left_at_once
         if late_us >= limits.RANGE_LATE_US and is_clear:
             text = f"ranges follow the vehicle's height about {1e-3 * late_us:.0f} ms later"
-            yield seen(text, one, one.is_good)
+            yield in_records(text, one, one.is_good)
 
 
 @check(
@@ -354,7 +356,7 @@ def range_not_judged(evidence: Evidence) -> Iterator[Sighting]:
             yield Sighting(f"{named(one)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})")
     asks = _asking(evidence)
     if asks and not evidence.vehicle.ground.ranges:
-        if not is_recorded(evidence, CTUN_BIT) and told(evidence, "RNGFND1_TYPE"):
+        if not is_recorded(evidence, CTUN_BIT) and known_param(evidence, "RNGFND1_TYPE"):
             yield Sighting(f"{listed(asks)}, and LOG_BITMASK does not say that ranges are logged (RFND)")
         elif evidence.vehicle.ground.health.get(RANGE):
             yield Sighting("SYS_STATUS calls the range finder healthy, and its ranges are not in the recording")

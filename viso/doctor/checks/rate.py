@@ -26,9 +26,9 @@ def _taken(evidence: Evidence) -> list[HandledMessage]:
 
 
 def _gaps(evidence: Evidence) -> list[tuple[HandledMessage, HandledMessage, int]]:
-    """Return neighbours between which the sensor was unhealthy for a time, and their distance in us.
+    """Return neighbours so far apart that the sensor was unhealthy between them, and their distance in us.
 
-    What stops once the vehicle has disarmed for good harms nobody.
+    A stream may stop after the last disarming.
     """
     own = evidence.vehicle.own_filter
     over_us = 1e6 * own.armed[-1][1] if own is not None and own.armed else np.inf
@@ -38,7 +38,7 @@ def _gaps(evidence: Evidence) -> list[tuple[HandledMessage, HandledMessage, int]
 
 
 def _slow_us(evidence: Evidence) -> float:
-    """Return the time from one message to the next where they are too few; 0 elsewhere."""
+    """Return the median time between messages if they are too few; else 0."""
     taken = _taken(evidence)
     interval = float(np.median(np.diff([one.arrival_us for one in taken]))) if len(taken) >= FEWEST else 0.0
     return interval if interval >= limits.SLOW_PERIOD_US else 0.0
@@ -127,7 +127,7 @@ def gaps_of_seven_seconds(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _samples(evidence: Evidence, kind: str) -> tuple[list[HandledMessage], list[HandledMessage]]:
-    """Return the messages with samples of a kind, and those whose sample was refused for coming too soon."""
+    """Return the messages with samples of a kind, and those whose sample was refused because it came too soon."""
     offered, refused = [], []
     for one in evidence.stream.vision:
         of_kind = [sample for sample in one.samples if sample.kind == kind]
@@ -173,7 +173,7 @@ def too_many_messages(evidence: Evidence) -> Iterator[Sighting]:
         "Samples less than 20 ms after the one before, by their corrected times, are dropped, whichever is better."
     ),
     source=_INGEST,
-    fix=("Space messages evenly, send each measurement in one message only, and keep the rate clear of 50 per second."),
+    fix="Space messages evenly, send each measurement in one message only, and keep the rate clear of 50 per second.",
 )
 def samples_in_pairs(evidence: Evidence) -> Iterator[Sighting]:
     fast = any(0 < _median_interval_us(track) < limits.FAST_PERIOD_US for track in evidence.stream.tracks)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""XN9 from 10 on: what the filter of the vehicle that really flew said itself, whatever our model thinks."""
+"""XN9 from 10 on: what the recorded vehicle's own filter reported; no model has a say."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ from viso.doctor.evidence.own_filter import (
     OverOne,
     OwnFilter,
     Witness,
-    said_by_filter,
+    aiding_texts,
 )
 from viso.doctor.evidence.tracks import Bools
 from viso.estimators.series import overlap_s, total_s
@@ -46,8 +46,8 @@ _NEARLY: Final = 0.97
 _TELLING: Final = 0.01
 
 
-def _how_bad(found: OverOne) -> Severity:
-    """Return ERROR of a ratio that is above 1 for long or much of the time, NOTE of a single short excursion."""
+def _severity_of(found: OverOne) -> Severity:
+    """Return ERROR for a ratio that is above 1 for long or much of the time, NOTE for a single short excursion."""
     is_much = found.share >= limits.RATIO_MUCH_SHARE and found.over_s >= limits.RATIO_LASTING_S
     if found.longest_s >= limits.RATIO_LONG_S or is_much:
         return Severity.ERROR
@@ -55,12 +55,12 @@ def _how_bad(found: OverOne) -> Severity:
     return Severity.WARNING if is_some else Severity.NOTE
 
 
-def _told(own: OwnFilter, found: OverOne) -> str:
+def _ratio_text(own: OwnFilter, found: OverOne) -> str:
     """Return how long a ratio was above 1, in words."""
     labels = _OF_TELEMETRY if own.record == "EKF_STATUS_REPORT" else _OF_LOG
     name, field = CHANNELS[found.channel], f"{own.record}.{labels[found.channel]}"
     part = f"{100 * found.share:.0f} %" if found.share >= _TELLING else f"{found.over_s:.1f} s"
-    long = f"{part} of {found.used_s:.0f} s{_armed(found.armed_s, found.over_s)}"
+    long = f"{part} of {found.used_s:.0f} s{_armed_text(found.armed_s, found.over_s)}"
     off = "" if found.innovation is None else f"; {name} was up to {found.innovation:.3g} {_UNITS[found.channel]} off"
     return (
         f"the autopilot's own {name} test ratio ({field}, {name} from {found.source}) was above 1 for {long}, from "
@@ -68,15 +68,15 @@ def _told(own: OwnFilter, found: OverOne) -> str:
     )
 
 
-def _armed(armed_s: float, total_s: float) -> str:
-    """Return how much of a time the vehicle was armed."""
+def _armed_text(armed_s: float, total_s: float) -> str:
+    """Return how much of a time the vehicle was armed, in words."""
     if armed_s <= 0:
         return ""
     return ", armed" if armed_s > _NEARLY * total_s else f", {armed_s:.1f} s of that armed"
 
 
 def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, str]]:
-    """Yield the channels whose ratio was above 1 while external navigation fed them, or something else; worst first."""
+    """Yield the channels whose ratio was above 1, with a text, worst first: those of external navigation, or others."""
     own = evidence.vehicle.own_filter
     if own is None:
         return
@@ -87,7 +87,7 @@ def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, st
         if one is not None:
             found.append(one)
     for one in sorted(found, key=lambda one: -one.share):
-        yield one, _told(own, one)
+        yield one, _ratio_text(own, one)
 
 
 @check(
@@ -107,7 +107,7 @@ def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, st
 )
 def rejected_extnav(evidence: Evidence) -> Iterator[Sighting]:
     for one, text in _over_one(evidence, by_extnav=True):
-        yield Sighting(text, start_us=one.first_us, end_us=one.last_us, severity=_how_bad(one))
+        yield Sighting(text, start_us=one.first_us, end_us=one.last_us, severity=_severity_of(one))
 
 
 @check(
@@ -127,7 +127,7 @@ def rejected_extnav(evidence: Evidence) -> Iterator[Sighting]:
 )
 def rejected_other_sensor(evidence: Evidence) -> Iterator[Sighting]:
     for one, text in _over_one(evidence, by_extnav=False):
-        severity = Severity.NOTE if _how_bad(one) is Severity.NOTE else Severity.WARNING
+        severity = Severity.NOTE if _severity_of(one) is Severity.NOTE else Severity.WARNING
         yield Sighting(text, start_us=one.first_us, end_us=one.last_us, severity=severity)
 
 
@@ -139,9 +139,7 @@ def rejected_other_sensor(evidence: Evidence) -> Iterator[Sighting]:
         "With VISO_TYPE set the sensor is present and enabled; if no message reaches the driver for 300 ms it is "
         "unhealthy, and arming is refused: VisOdom: not healthy."
     ),
-    source=(
-        "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy; GCS_Common.cpp, GCS::update_sensor_status_flags"
-    ),
+    source="AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy; GCS_Common.cpp, GCS::update_sensor_status_flags",
     fix="Look for messages that the autopilot drops (frames, ids, link, rate) or that are never sent.",
     witness=Witness.LOG,
 )
@@ -206,10 +204,10 @@ def ekf_check_acted(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _may_rely_on_extnav(own: OwnFilter) -> bool:
-    """Return whether external navigation was a source, or nobody tells what was."""
-    if own.wants_extnav.any() or any(by_extnav for _, by_extnav, _ in said_by_filter(own.texts)):
+    """Return whether external navigation was a source, or no source is known."""
+    if own.wants_extnav.any() or any(by_extnav for _, by_extnav, _ in aiding_texts(own.texts)):
         return True
-    return not own.is_told(POSITION).any()
+    return not own.is_source_known(POSITION).any()
 
 
 @check(
@@ -220,7 +218,7 @@ def _may_rely_on_extnav(own: OwnFilter) -> bool:
         "EKF3 runs a core for each IMU, and flies with another when that has had the smaller errors for long enough."
     ),
     source="AP_NavEKF3.cpp, NavEKF3::UpdateFilter",
-    fix=("Compare the cores: one that leaves the others has a bad IMU; if all of them reject, the stream is wrong."),
+    fix="Compare the cores: one that leaves the others has a bad IMU; if all of them reject, the stream is wrong.",
     witness=Witness.LOG,
 )
 def cores_disagree(evidence: Evidence) -> Iterator[Sighting]:
@@ -268,7 +266,7 @@ def never_navigated(evidence: Evidence) -> Iterator[Sighting]:
     if wants.any() and not own.uses_extnav.any():
         yield Sighting(
             "external navigation is the EKF's source of horizontal position or velocity, and in "
-            f"{waited_s:.0f} s it never had either ({own.record}){_said(stops)}",
+            f"{waited_s:.0f} s it never had either ({own.record}){_stops_text(stops)}",
             start_us=int(own.time_us[wants][0]),
             end_us=int(own.time_us[wants][-1]),
             severity=None if waited_s >= limits.WAITED_S or len(stops) >= limits.FEWEST_STOPS else Severity.NOTE,
@@ -276,10 +274,10 @@ def never_navigated(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _stops(own: OwnFilter) -> list[int]:
-    return [time_us for time_us, _, text in said_by_filter(own.texts) if text == "stopped aiding"]
+    return [time_us for time_us, _, text in aiding_texts(own.texts) if text == "stopped aiding"]
 
 
-def _said(stops: list[int]) -> str:
+def _stops_text(stops: list[int]) -> str:
     return f', and said "stopped aiding" {how_often(len(stops))}' if stops else ""
 
 
@@ -320,7 +318,7 @@ def _lost_for(own: OwnFilter, lost: Bools, what: str, stops: list[int]) -> Itera
     is_bad = armed_s > 0 or len(stops) >= limits.FEWEST_STOPS
     yield Sighting(
         f"once it navigated by external navigation, the EKF was without {what} for {total_s(spans):.1f} s"
-        f"{_armed(armed_s, total_s(spans))}, first at {at(first_us)}{_said(stops)}",
+        f"{_armed_text(armed_s, total_s(spans))}, first at {at(first_us)}{_stops_text(stops)}",
         start_us=first_us,
         end_us=int(1e6 * spans[-1][1]) if spans else stops[-1],
         severity=None if is_bad else Severity.WARNING,
@@ -333,7 +331,7 @@ def _lost_for(own: OwnFilter, lost: Bools, what: str, stops: list[int]) -> Itera
     title="The filter's own reports were not recorded",
     firmware="Missing records prove nothing: the filter may have rejected everything.",
     source="AP_NavEKF3_Logging.cpp, NavEKF3::Log_Write; GCS_Common.cpp, GCS_MAVLINK::send_ekf_status_report",
-    fix=("Record it: XKF records come with bit 0 or 1 of LOG_BITMASK, EKF_STATUS_REPORT with the stream EXTRA3."),
+    fix="Record it: XKF records come with bit 0 or 1 of LOG_BITMASK, EKF_STATUS_REPORT with the stream EXTRA3.",
     witness=Witness.LOG,
 )
 def reports_not_recorded(evidence: Evidence) -> Iterator[Sighting]:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""XN5: what becomes of a covariance depends on the release of the firmware."""
+"""XN5: how a release of the firmware uses covariances."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -22,15 +22,15 @@ Errors = tuple[float, float]
 """Of position (m) and of attitude (rad), as the filter gets them."""
 
 
-class _Judge:
-    """Works out what releases make of covariances, of which a stream repeats a few as a rule."""
+class _ErrorsByRelease:
+    """The errors that releases compute from covariances; a stream usually repeats a few, so that results are kept."""
 
     def __init__(self, evidence: Evidence) -> None:
         self._floors = evidence.param("VISO_POS_M_NSE"), evidence.param("VISO_YAW_M_NSE")
         self._known: dict[tuple[str, bool, Sequence[float]], Errors] = {}
 
     def raw(self, message: object, firmware: Firmware) -> Errors | None:
-        """Return both errors before they are limited; None of a message without a covariance."""
+        """Return both errors before they are limited; None for a message without a covariance."""
         covariance = covariance_of(message)
         if covariance is None or math.isnan(covariance[0]) or not any(covariance):
             return None
@@ -56,7 +56,7 @@ def _limited(error: float, floor: float, most: float) -> float:
     return (floor + most) / 2 if math.isnan(error) else max(floor, min(error, most))
 
 
-def _told(errors: Errors) -> str:
+def _errors_text(errors: Errors) -> str:
     return f"{errors[0]:.3g} m, {errors[1]:.3g} rad"
 
 
@@ -73,25 +73,22 @@ def _told(errors: Errors) -> str:
     needs=_NEEDS,
 )
 def errors_of_releases(evidence: Evidence) -> Iterator[Sighting]:
-    judge, here = _Judge(evidence), evidence.set_up.firmware
+    errors_by, here = _ErrorsByRelease(evidence), evidence.set_up.firmware
     others = [one for one in PROFILES.values() if one.endpoint.error_formula is not here.endpoint.error_formula]
     for other in {one.endpoint.error_formula: one for one in others}.values():  # the newest with each formula
-        differ = [one for one in evidence.stream.vision if not _agree(judge, one.message, here, other)]
+        differ = [one for one in evidence.stream.vision if not _agree(errors_by, one.message, here, other)]
         for name, found in by_type(differ):
-            ours, theirs = (judge.limited(found[0].message, one) for one in (here, other))
+            ours, theirs = (errors_by.limited(found[0].message, one) for one in (here, other))
             if ours is not None and theirs is not None:
                 whole = sum(one.name == name for one in evidence.stream.vision)
-                yield Sighting.in_messages(
-                    f"{share(len(found), whole)} {name}, first: {_told(ours)} here ({here.name}), {_told(theirs)} in "
-                    f"{other.name}",
-                    found,
-                )
+                texts = f"{_errors_text(ours)} here ({here.name}), {_errors_text(theirs)} in {other.name}"
+                yield Sighting.in_messages(f"{share(len(found), whole)} {name}, first: {texts}", found)
 
 
-def _agree(judge: _Judge, message: object, here: Firmware, other: Firmware) -> bool:
+def _agree(errors_by: _ErrorsByRelease, message: object, here: Firmware, other: Firmware) -> bool:
     if isinstance(message, ATT_POS_MOCAP):  # has a rule of its own
         return True
-    ours, theirs = judge.limited(message, here), judge.limited(message, other)
+    ours, theirs = errors_by.limited(message, here), errors_by.limited(message, other)
     if ours is None or theirs is None:
         return True
     return all(math.isclose(a, b, rel_tol=0.01) for a, b in zip(ours, theirs, strict=True))
@@ -110,15 +107,17 @@ def _agree(judge: _Judge, message: object, here: Firmware, other: Firmware) -> b
     needs=_NEEDS,
 )
 def mocap_covariance(evidence: Evidence) -> Iterator[Sighting]:
-    judge, here = _Judge(evidence), evidence.set_up.firmware
+    errors_by, here = _ErrorsByRelease(evidence), evidence.set_up.firmware
     readers = [one for one in PROFILES.values() if one.endpoint.mocap_errors is not here.endpoint.mocap_errors]
     found = [one for one in evidence.stream.vision if isinstance(one.message, ATT_POS_MOCAP)]
-    told = [one for one in found if judge.raw(one.message, here) == (0.0, 0.0)]
-    if told and readers:
-        theirs = judge.limited(told[0].message, readers[0])
+    given = [one for one in found if errors_by.raw(one.message, here) == (0.0, 0.0)]
+    if given and readers:
+        theirs = errors_by.limited(given[0].message, readers[0])
         if theirs is not None:
-            text = f"{share(len(told), len(found))} ATT_POS_MOCAP have a covariance, which {readers[0].name} would read"
-            yield Sighting.in_messages(f"{text}: {_told(theirs)} of the first", told)
+            text = (
+                f"{share(len(given), len(found))} ATT_POS_MOCAP have a covariance, which {readers[0].name} would read"
+            )
+            yield Sighting.in_messages(f"{text}: {_errors_text(theirs)} of the first", given)
 
 
 @check(
@@ -134,14 +133,14 @@ def mocap_covariance(evidence: Evidence) -> Iterator[Sighting]:
     needs=_NEEDS,
 )
 def negative_variances(evidence: Evidence) -> Iterator[Sighting]:
-    judge, here = _Judge(evidence), evidence.set_up.firmware
-    found = [one for one in evidence.stream.vision if _has_negative_sum(judge, one.message, here)]
+    errors_by, here = _ErrorsByRelease(evidence), evidence.set_up.firmware
+    found = [one for one in evidence.stream.vision if _has_negative_sum(errors_by, one.message, here)]
     for name, messages in by_type(found):
         whole = sum(one.name == name for one in evidence.stream.vision)
         yield Sighting.in_messages(f"{share(len(messages), whole)} {name}", messages)
 
 
-def _has_negative_sum(judge: _Judge, message: object, firmware: Firmware) -> bool:
-    errors, covariance = judge.raw(message, firmware), covariance_of(message)
+def _has_negative_sum(errors_by: _ErrorsByRelease, message: object, firmware: Firmware) -> bool:
+    errors, covariance = errors_by.raw(message, firmware), covariance_of(message)
     # NaN from NaN is another finding.
     return errors is not None and any(map(math.isnan, errors)) and not any(map(math.isnan, covariance or ()))

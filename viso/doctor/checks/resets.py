@@ -27,7 +27,7 @@ _TYPE_VOXL: Final = 3
 
 
 class _Steps(NamedTuple):
-    """How far each pose but the first is from where the one before led one to expect it.
+    """How far each pose but the first is from where the pose before it leads to.
 
     Attributes:
         position_m: off by.
@@ -85,14 +85,14 @@ def _turned(steps: _Steps, poses: Poses) -> Bools:
 
 
 def _rotation_off_rad(poses: Poses) -> Floats:
-    """Return by how much the angle of each rotation is above that of the one before."""
+    """Return by how much the angle of each rotation exceeds that of the one before."""
     quat = poses.quat_wxyz / np.linalg.norm(poses.quat_wxyz, axis=1, keepdims=True)
     angle = 2 * np.arccos(np.clip(np.abs((quat[1:] * quat[:-1]).sum(axis=1)), 0, 1))
     return np.asarray(angle - np.concatenate([angle[1:2], angle[:-1]]), dtype=np.float64)
 
 
 def _shaking_rad(turn_rad: Floats) -> Floats:
-    """Return by how much turns near each step differ from one to the next, that of a jump and of its way back aside."""
+    """Return how much turns near each step differ from one to the next; those of a jump there and back are left out."""
     padded = np.pad(np.nan_to_num(turn_rad), _NEAR)
     near = np.sort(sliding_window_view(padded, 2 * _NEAR + 1), axis=1)
     return np.asarray(near[:, -1 - _OF_ONE_JUMP], dtype=np.float64)
@@ -104,7 +104,7 @@ def _at_steps(poses: Poses, mask: Bools, text: str) -> Sighting:
 
 
 class _Resets(NamedTuple):
-    """Which steps of a track jump, turn, or change the counter; and of these, which belong together."""
+    """Which steps of a track jump, turn, or change the reset counter, and which of these belong together."""
 
     steps: _Steps
     jumped: Bools
@@ -113,12 +113,12 @@ class _Resets(NamedTuple):
     shifted: Bools
 
 
-@lru_cache(maxsize=32)  # many rules ask
+@lru_cache(maxsize=32)  # many checks ask
 def _resets(poses: Poses) -> _Resets:
     steps = _steps(poses)
     jumped, turned, changed = _jumped(steps), _turned(steps, poses), steps.counter_changed
     leaps = jumped | turned
-    # A counter that changes on quiet ground, and a leap without one just before or behind it.
+    # A counter that changes without a leap, and a leap without a change just before or after it.
     alone, bare = changed & ~leaps, leaps & ~changed
     shifted = np.zeros(len(changed), dtype=np.bool_)
     for index in np.flatnonzero(alone):
@@ -134,7 +134,7 @@ def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
         if len(poses.track) < FEWEST:
             continue
         resets = _resets(poses)
-        # A DataFlash log holds what the autopilot made of poses: they jump where it aligned them.
+        # In a DataFlash log poses are as the autopilot aligned them: they jump at an alignment.
         arrival_us = poses.track.arrival_us[1:]
         by_autopilot = np.zeros(len(arrival_us), dtype=np.bool_)
         for time_us in aligned_us(evidence):
@@ -145,7 +145,7 @@ def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
 
 
 def jumps_in(evidence: Evidence) -> int:
-    """Return how many steps of position or yaw the stream itself shows to be jumps."""
+    """Return how many jumps of position or yaw are in the stream itself."""
     return sum(int(np.count_nonzero(resets.jumped | resets.turned)) for _, resets in _tracks(evidence))
 
 
@@ -251,18 +251,16 @@ def _counter_flaps(poses: Poses) -> bool:
         "a change, and type 3 aligns again with every change."
     ),
     source=_CONSUME,
-    fix=(
-        "Do not count messages in reset_counter. Do not mix messages with and without one: without one it counts as 0."
-    ),
+    fix="Do not count messages in reset_counter. Do not mix messages with and without one: without one it counts as 0.",
     needs={Aspect.RESETS},
 )
 def counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
-    seen = [one for one in evidence.stream.vision if isinstance(one.message, POSE_TYPES)]
-    if len(seen) < FEWEST:
+    poses = [one for one in evidence.stream.vision if isinstance(one.message, POSE_TYPES)]
+    if len(poses) < FEWEST:
         return
-    counters = [int(getattr(one.message, "reset_counter", 0)) for one in seen]
-    changed = [one for one, a, b in zip(seen[1:], counters, counters[1:], strict=False) if a != b]
-    span_s = max((seen[-1].arrival_us - seen[0].arrival_us) * 1e-6, 1.0)
+    counters = [int(getattr(one.message, "reset_counter", 0)) for one in poses]
+    changed = [one for one, a, b in zip(poses[1:], counters, counters[1:], strict=False) if a != b]
+    span_s = max((poses[-1].arrival_us - poses[0].arrival_us) * 1e-6, 1.0)
     if len(changed) >= 5 and len(changed) > 0.5 * span_s:
         yield Sighting.in_messages(f"reset_counter changes {len(changed)} times in {span_s:.1f} s", changed)
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""XN5: sizes of positions and velocities, held against each other."""
+"""XN5: sizes of positions and velocities, compared with each other."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -24,7 +24,7 @@ _UNITS: Final = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilom
 
 
 def _scaled_fit(motion: Motion) -> Agreement | None:
-    """Return the fit with the scale taken out first, so that outliers are told by the right size."""
+    """Return the fit; the scale is removed first, so that outliers show."""
     speed, path = typical_speed(motion.used), typical_speed(motion.path)
     if not motion.is_enough or speed < 1e-4 or path < 1e-4:
         return None
@@ -42,23 +42,23 @@ def _scaled_fit(motion: Motion) -> Agreement | None:
     fix="Send metres; motion capture systems often give millimetres.",
 )
 def length_unit(evidence: Evidence) -> Iterator[Sighting]:
-    told = set()
+    reported = set()
     for motion in evidence.stream.motions:
         fit = _scaled_fit(motion)
         for factor, unit in _UNITS:
             if fit is not None and fit.correlation > 0.7 and 0.7 < fit.scale / factor < 1.4:
-                told.add(motion.pose_sender)
+                reported.add(motion.pose_sender)
                 text = f"the path is {fit.scale:.3g} times what velocities say: positions look like {unit}"
                 yield Sighting.in_track(f"{motion.pose_sender}: {text}", motion)
     for poses in evidence.stream.poses:
         speed = _path_speed(poses)
-        if poses.track.sender not in told and speed > limits.FASTEST_M_S:
+        if poses.track.sender not in reported and speed > limits.FASTEST_M_S:
             numbers = poses.track.numbers.tolist()
             yield Sighting(f"{poses.track.sender}: positions change by {speed:.0f} m in a second", numbers)
 
 
 def _path_speed(poses: Poses) -> float:
-    """Return the median speed of a path in m/s over steps of a quarter of a second, where it moves at all."""
+    """Return the median speed of a path in m/s, over steps of a quarter of a second."""
     time_s = time_base_us(poses.track) * 1e-6
     last = np.searchsorted(time_s, time_s + 0.25)
     first = np.flatnonzero(last < len(time_s))
@@ -156,12 +156,12 @@ def velocity_always_zero(evidence: Evidence) -> Iterator[Sighting]:
 )
 def velocity_spikes(evidence: Evidence) -> Iterator[Sighting]:
     for velocities in evidence.stream.velocities:
-        told, track = velocities.used, velocities.track
+        used, track = velocities.used, velocities.track
         if len(track) < FEWEST:
             continue
-        between = 0.5 * (told[:-2] + told[2:])
-        off = np.linalg.norm(told[1:-1] - between, axis=1)
-        sides = np.linalg.norm(told[2:] - told[:-2], axis=1)
+        between = 0.5 * (used[:-2] + used[2:])
+        off = np.linalg.norm(used[1:-1] - between, axis=1)
+        sides = np.linalg.norm(used[2:] - used[:-2], axis=1)
         usual = median_of(off)
         mask = np.zeros(len(track), dtype=np.bool_)
         mask[1:-1] = (off > max(limits.GLITCH_M_S, 10 * usual)) & (sides < 0.5 * off)
@@ -178,7 +178,7 @@ def velocity_spikes(evidence: Evidence) -> Iterator[Sighting]:
     fix="Look at the source's velocity in that stretch.",
 )
 def velocity_leaves_path(evidence: Evidence) -> Iterator[Sighting]:
-    """Find stretches in which velocities leave the path by far, though they fit elsewhere."""
+    """Find stretches in which velocities differ much from the path, though they fit elsewhere."""
     for motion in evidence.stream.motions:
         if len(motion.numbers) < FEWEST:
             continue
@@ -198,9 +198,7 @@ def velocity_leaves_path(evidence: Evidence) -> Iterator[Sighting]:
     code="XN5-17",
     severity=Severity.WARNING,
     title="Positions drift against velocities",
-    firmware=(
-        "The filter gets two measurements that contradict each other, and follows the one with the smaller error."
-    ),
+    firmware="The filter gets two measurements that contradict each other, and follows the one with the smaller error.",
     source=_FUSE,
     fix="Look for a drift of the source's map or a bias of its velocity.",
 )

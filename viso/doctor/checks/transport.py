@@ -83,7 +83,7 @@ def mavlink_1(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _skipped(evidence: Evidence, track: Track) -> Ints:
-    """Return how many sequence numbers of a track's sender are missing up to each of its messages."""
+    """Return how many sequence numbers of the sender are missing before each message of a track."""
     sender = track.sender
     numbers, sequence = [], []
     for one in evidence.stream.messages:
@@ -97,7 +97,7 @@ def _skipped(evidence: Evidence, track: Track) -> Ints:
 
 
 def _is_missing_one(evidence: Evidence, track: Track) -> Bools:
-    """Tell behind which messages sequence numbers are missing and a message is, too: others share the numbers."""
+    """Return after which messages sequence numbers and a message are missing; other types share the numbers."""
     times = track.stamp_us if are_us(track) else track.arrival_us
     interval = np.diff(times)
     usual = float(np.median(interval[interval > 0])) if bool(np.any(interval > 0)) else 0.0
@@ -168,7 +168,7 @@ def damaged_frames(evidence: Evidence) -> Iterator[Sighting]:
         "stamps, reset counters and positions."
     ),
     source="GCS_Common.cpp, GCS_MAVLINK::correct_offboard_timestamp_usec_to_ms",
-    fix=("Let one program send external navigation, and stop the others; or give each its own link and use only one."),
+    fix="Let one program send external navigation, and stop the others; or give each its own link and use only one.",
     needs={Aspect.LINK},
 )
 def several_senders(evidence: Evidence) -> Iterator[Sighting]:
@@ -187,7 +187,7 @@ def several_senders(evidence: Evidence) -> Iterator[Sighting]:
     title="Sent with the autopilot's own ids",
     firmware="Frames with the autopilot's own system and component id are dropped before any handler sees them.",
     source=_ROUTING,
-    fix=("Keep the system id, and set another component id, such as 197 (MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY)."),
+    fix="Keep the system id, and set another component id, such as 197 (MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY).",
     needs={Aspect.LINK},
 )
 def own_ids(evidence: Evidence) -> Iterator[Sighting]:
@@ -218,15 +218,15 @@ def wrong_target(evidence: Evidence) -> Iterator[Sighting]:
     ]
     for name, of_name in by_type(found):
         target = getattr(of_name[0].message, "target_system", 0)
-        told = f"addressed to system {target}; the autopilot is {evidence.system_id}"
-        yield Sighting.in_messages(f"{len(of_name)} {name} {told}", of_name)
+        text = f"addressed to system {target}; the autopilot is {evidence.system_id}"
+        yield Sighting.in_messages(f"{len(of_name)} {name} {text}", of_name)
 
 
 @check(
     code="XN1-08",
     severity=Severity.ERROR,
     title="Only the ground station is admitted",
-    firmware=("With bit 0 of MAV_OPTIONS set, frames from systems other than MAV_SYSID and MAV_GCS_SYSID are dropped."),
+    firmware="With bit 0 of MAV_OPTIONS set, frames from systems other than MAV_SYSID and MAV_GCS_SYSID are dropped.",
     source="GCS_Common.cpp, GCS_MAVLINK::accept_packet",
     fix="Send with the vehicle's own system id and another component id, or clear bit 0 of MAV_OPTIONS.",
     needs={Aspect.LINK},

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The autopilot's own clock in a recording that was stamped by another: that of a slowed simulation runs otherwise."""
+"""The autopilot's own clock in a recording with times of another clock, such as one of a slowed simulation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,23 +18,23 @@ _OF: Final = Sender(0, 0, "ATTITUDE")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BootClock:
-    """How an autopilot's clock ran against that of a recording: the same K moments by both, whose differences count."""
+    """How an autopilot's clock ran against that of a recording: K moments by both clocks, whose differences count."""
 
     found: SenderClock
     recorded_us: Ints
     boot_us: Ints
 
     def boot_of(self, recorded_us: Ints) -> Ints:
-        """Return times of the recording by the autopilot's clock, before and behind what is known at its usual rate."""
+        """Return times of the recording by the autopilot's clock, which has its mean rate outside the known moments."""
         inside = np.interp(recorded_us, self.recorded_us, self.boot_us)
         outside = recorded_us - np.clip(recorded_us, self.recorded_us[0], self.recorded_us[-1])
         return np.asarray(inside + outside * self.found.factor, dtype=np.int64)
 
 
 def boot_clock(times_us: Sequence[tuple[int, int]]) -> BootClock | None:
-    """Return how the autopilot's clock ran, by when its messages were recorded, and when they were made by that clock.
+    """Return how the autopilot's clock ran, from pairs of the recording's time and its own.
 
-    None if it ran as the recording's did, or nothing tells.
+    None if it ran as the recording's did, or that is not known.
     """
     if not times_us:
         return None
@@ -55,7 +55,7 @@ def boot_clock(times_us: Sequence[tuple[int, int]]) -> BootClock | None:
 
 
 def by_boot_clock(stream: Stream, clock: BootClock) -> Stream:
-    """Return a stream with its times by the autopilot's clock, and a note on that; the first message's stays."""
+    """Return a stream with times by the autopilot's clock, and a note; the time of the first message stays."""
     known = [one.arrival_us for one in stream.messages if one.arrival_us is not None]
     boot_us = clock.boot_of(np.array(known, dtype=np.int64))
     moved = iter(np.maximum.accumulate(known[0] + boot_us - boot_us[0]).tolist() if known else [])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A stream against the vehicle's own attitude and path: delay, axes, and the scale of positions."""
+"""A stream compared with the vehicle's own attitude and path: delay, axes, and the scale of positions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,15 +25,15 @@ _FEWEST: Final = 40
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """What the vehicle's own attitude says about a stream's; types 2 and 3 have VISO_ORIENT taken off before.
+    """A stream's attitude compared with the vehicle's own; for types 2 and 3 VISO_ORIENT is taken off first.
 
     Attributes:
         poses: of the stream.
-        delay: since the stamps that the autopilot makes of the stream's; the filter subtracts VISO_DELAY_MS from those.
-        since_arrival: likewise, of the times of arrival.
+        delay: since the corrected stamps, from which the filter subtracts VISO_DELAY_MS.
+        since_arrival: since the times of arrival.
         orientation: of the stream's body.
         world: of the stream's world.
-        transport_ms: what the autopilot takes off at least, of every time of arrival, for the bytes' way.
+        transport_ms: what the autopilot subtracts at least from every time of arrival, for the transport of the bytes.
     """
 
     poses: Poses
@@ -45,12 +45,12 @@ class Comparison:
 
     @property
     def late_ms(self) -> float:
-        """How late poses arrive; 0 where the motion does not tell."""
+        """How late poses arrive; 0 if the motion does not show it."""
         return self.since_arrival.delay_ms if self.since_arrival.enough_motion else 0.0
 
 
 def comparison_of(poses: Poses, comparisons: Sequence[Comparison]) -> Comparison | None:
-    """Return the one of some poses; None without one."""
+    """Return the comparison of some poses; None if there is none."""
     return next((one for one in comparisons if one.poses is poses), None)
 
 
@@ -63,7 +63,7 @@ def oriented(quat_wxyz: Floats, viso_type: int, orient: int) -> Floats:
 
 
 def _corrected_us(poses: Poses, messages: Mapping[int, HandledMessage]) -> Ints:
-    """Return the times that the autopilot gives to poses (CTimeMS); that of arrival where it made no record."""
+    """Return the times that the autopilot gives to poses (CTimeMS), or that of arrival if it made no record."""
     times = poses.track.arrival_us.copy()
     for index, number in enumerate(poses.track.numbers.tolist()):
         for name, values in messages[number].records:
@@ -73,7 +73,7 @@ def _corrected_us(poses: Poses, messages: Mapping[int, HandledMessage]) -> Ints:
 
 
 def _usable(time_us: Ints, quat_wxyz: Floats) -> tuple[Ints, Floats]:
-    """Return what is finite, of about unit length, and in order of time."""
+    """Return the quaternions that are finite and of about unit length, in order of time."""
     with np.errstate(all="ignore"):
         norm = np.linalg.norm(quat_wxyz, axis=1)
     fine = np.isfinite(norm) & (np.abs(norm - 1) < 0.1)
@@ -88,7 +88,7 @@ def compare(
     attitude: AttitudeSeries | None,
     params: Mapping[str, float],
 ) -> tuple[Comparison, ...]:
-    """Return what the vehicle's own attitude says about each track of poses."""
+    """Compare each track of poses with the vehicle's own attitude."""
     if attitude is None or len(attitude) < _FEWEST:
         return ()
     by_number = {one.number: one for one in messages}
@@ -116,13 +116,13 @@ def compare(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathComparison:
-    """What the vehicle's own path says about a stream's.
+    """A stream's path compared with the vehicle's own.
 
     Attributes:
         poses: of the stream, as sent.
-        origin: what tells the vehicle's path.
-        scale: what positions have to be multiplied with.
-        axes: which way those of the positions point; None where the stream's heading is not known.
+        origin: of the vehicle's path, such as GPS.
+        scale: the factor for positions.
+        axes: of the positions; None if the stream's heading is not known.
     """
 
     poses: Poses
@@ -132,7 +132,7 @@ class PathComparison:
 
 
 def _heading_deg(compared: Comparison | None, params: Mapping[str, float]) -> float | None:
-    """Return the compass direction of the stream's x; None if nothing tells it."""
+    """Return the compass direction of the stream's x; None if it is not known."""
     if compared is not None and compared.orientation.sufficient and compared.world.sufficient:
         is_level = compared.world.axes.signed_axes[2] == 3
         return compared.world.heading_deg if is_level else None
@@ -146,7 +146,7 @@ def compare_paths(
     comparisons: Sequence[Comparison],
     params: Mapping[str, float],
 ) -> tuple[PathComparison, ...]:
-    """Return what the vehicle's own path says about each track of poses."""
+    """Compare each track of poses with the vehicle's own path."""
     if position is None:
         return ()
     found = []

@@ -40,11 +40,11 @@ class Evidence:
     notes: tuple[str, ...] = ()
 
     def param(self, name: str) -> float:
-        """Return a parameter's value at boot; 0 of one that this autopilot lacks."""
+        """Return a parameter's value at boot; 0 if this autopilot lacks it."""
         return float(self.trial.params.get(name, 0.0))
 
     def source(self, name: str, number: int = 1) -> int:
-        """Return what a source set takes POSXY, VELXY, POSZ, VELZ or YAW from."""
+        """Return the source of POSXY, VELXY, POSZ, VELZ or YAW in a source set."""
         return int(self.param(f"EK3_SRC{number}_{name}"))
 
     @property
@@ -69,13 +69,13 @@ class Evidence:
 
     @property
     def has_sensor(self) -> bool | None:
-        """Whether SYS_STATUS named a sensor of external navigation; None if there was none."""
+        """Whether SYS_STATUS lists a sensor of external navigation; None without SYS_STATUS."""
         sensor = None if self.vehicle.own_filter is None else self.vehicle.own_filter.vision
         return None if sensor is None else bool(sensor.present.any())
 
     @property
     def requests(self) -> tuple[str, ...]:
-        """What asks for external navigation in the set-up of the vehicle, messages apart: names with their values."""
+        """The parameters that ask for external navigation, with their values, or else the sensor in SYS_STATUS."""
         found = [f"VISO_TYPE {self.viso_type}"] if self.viso_type else []
         found += [
             f"EK3_SRC{number}_{name} {EXTNAV}"
@@ -93,10 +93,10 @@ class Evidence:
 
     @property
     def is_concerned(self) -> bool:
-        """Whether external navigation comes or is asked for, so that what stands against it matters."""
+        """Whether external navigation comes or is asked for, so that what prevents it matters."""
         return bool(self.stream.vision or self.requests)
 
     @property
     def has_compass(self) -> bool:
-        """Whether there is a compass, and in use."""
+        """Whether there is a compass, and it is in use."""
         return self.param("COMPASS_ENABLE") != 0 and self.param("COMPASS_USE") != 0

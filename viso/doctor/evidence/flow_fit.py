@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the vehicle's motion says about a flow sensor: scale, axes and delay.
+"""A flow sensor compared with the vehicle's motion: scale, axes and delay.
 
 A sensor that looks down sees its own turning, and its velocity over its distance to the ground: about the body's x that
-is gyro.x - v.y / range, about y gyro.y + v.x / range. What follows the gyro tells most: the filter's velocity comes
-from the flow itself where that is its source, and would agree with any scale.
+is gyro.x - v.y / range, about y gyro.y + v.x / range. The turning shows most: if flow is the filter's source of
+velocity, that velocity agrees with any scale.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from viso.estimators.turning import attitudes_of
 
 FEWEST: Final = 50
 _LEAST_TURNING: Final = 0.04  # rad/s, rms of each axis
-_LEAST_SEEN: Final = 0.05  # rad/s, rms of velocity over range
+_LEAST_SHIFT: Final = 0.05  # rad/s, rms of velocity over range
 _LEAST_HEIGHT_M: Final = 0.5
 _OLDEST_US: Final = 500_000
 _LAGS_MS: Final = tuple(range(-100, 310, 10))
@@ -28,7 +28,7 @@ _ROUGH_MS: Final = 30
 _AROUND_US: Final = 150_000
 _EXPLAINED: Final = 0.9
 _EXPLAINED_WHOLE: Final = 0.7
-"""Where turning and velocity are both known, what is left is noise, which takes nothing from the mean."""
+"""The same if turning and velocity are both known: the rest is noise, which does not change the mean."""
 
 _MOST: Final = 20_000
 _LEAST_SPREAD: Final = 1e-12
@@ -45,7 +45,7 @@ AXES: Final[dict[str, Floats]] = {
     "x and y in each other's place": np.array([[0.0, 1.0], [1.0, 0.0]]),
     "x and y in each other's place, with wrong signs": np.array([[0.0, -1.0], [-1.0, 0.0]]),
 }
-"""What may be wrong with a sensor's axes, and what it then says, 2 x 2, of what it should say."""
+"""What may be wrong with a sensor's axes, with the matrix from what it should report to what it reports."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,16 +54,16 @@ class FlowFit:
 
     Attributes:
         flow: the sensor's.
-        of: what was held against the motion, ``flow`` or its own ``gyro``.
-        count: how many records could be.
-        why_not: why nothing can be told; "" if it can.
-        by: whose motion it was held against.
+        of: what was compared with the motion, ``flow`` or the sensor's own ``gyro``.
+        count: how many records were compared.
+        why_not: why there is no fit; "" if there is one.
+        by: whose motion that is.
         is_whole: whether both turning and velocity were known.
-        by_turning: whether the turning tells; else the velocity over the ground.
-        matrix: 2 x 2, what the sensor says of what it should say.
-        explained: 0 to 1, the part of its variance, of each axis, that the motion explains.
-        lag_ms: how much later the sensor is than the motion; ``is_timed`` says whether it can be told.
-        is_timed: whether another lag explains much less.
+        by_turning: whether the turning shows the fit; else the velocity over the ground does.
+        matrix: 2 x 2, from what the sensor should report to what it reports.
+        explained: 0 to 1, the part of each axis' variance that the motion explains.
+        lag_ms: how much later the sensor is than the motion.
+        is_timed: whether the lag is clear: another one explains much less.
     """
 
     flow: FlowSeries
@@ -80,7 +80,7 @@ class FlowFit:
 
     @property
     def is_judged(self) -> bool:
-        """Whether the motion explains so much that scale and axes can be told."""
+        """Whether the motion explains enough to judge scale and axes."""
         enough = _EXPLAINED_WHOLE if self.is_whole else _EXPLAINED
         return self.matrix is not None and min(self.explained) >= enough
 
@@ -94,18 +94,18 @@ class FlowFit:
 
     @property
     def turned_deg(self) -> float:
-        """By how much the sensor is turned, clockwise from above; only if its axes are not mirrored."""
+        """The angle by which the sensor is turned, clockwise from above; only if its axes are not mirrored."""
         matrix = np.eye(2) if self.matrix is None else self.matrix
         return float(np.degrees(np.arctan2(matrix[0, 1] - matrix[1, 0], matrix[0, 0] + matrix[1, 1])))
 
     @property
     def is_mirrored(self) -> bool:
-        """Whether no turn makes its axes right."""
+        """Whether no rotation makes its axes right."""
         return self.matrix is not None and bool(np.linalg.det(AXES[self.axes]) < 0)
 
     @property
     def factors(self) -> tuple[float, float]:
-        """How much too large each axis is, its axes put right."""
+        """The factor of each axis, once the axes are right."""
         if self.matrix is None:
             return 1.0, 1.0
         if self.is_mirrored:
@@ -118,27 +118,27 @@ class FlowFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Motion:
-    """What a sensor could see, by time.
+    """The motion that a flow sensor shows, by time.
 
     Attributes:
         by: whose it is.
         gyro: M x 4, us and body rates.
-        seen: M x 3, us and velocity over the ground by range: -v.y / range, v.x / range; empty if nothing tells it.
+        shift: M x 3, us and velocity over the ground by range: -v.y / range, v.x / range; empty if it is not known.
         is_free: whether that velocity does not come from the flow.
     """
 
     by: str
     gyro: Floats
-    seen: Floats
+    shift: Floats
     is_free: bool
 
     def at(self, time_us: Floats) -> tuple[Floats, Floats]:
-        """Return N x 2 rates of turning, and N x 2 of velocity over range; NaN where they are not told."""
-        return _at(self.gyro, time_us)[:, :2], _at(self.seen, time_us)
+        """Return N x 2 rates of turning, and N x 2 of velocity over range; NaN where they are not known."""
+        return _at(self.gyro, time_us)[:, :2], _at(self.shift, time_us)
 
 
 def _at(table: Floats, time_us: Floats) -> Floats:
-    """Return columns at some times, between neighbours; NaN before, after, and within gaps."""
+    """Return columns interpolated at some times; NaN before the first, after the last, and in gaps."""
     if len(table) < 2:
         return np.full((len(time_us), table.shape[1] - 1), np.nan)
     known = table[:, 0]
@@ -150,30 +150,30 @@ def _at(table: Floats, time_us: Floats) -> Floats:
 
 
 def with_motion_of(ground: GroundSensors, poses: Poses) -> tuple[GroundSensors, AttitudeSeries]:
-    """Return what was said beside the motion that poses tell, where the vehicle tells none, and their attitude."""
+    """Return the sensors with the motion of the stream's poses in place of the vehicle's, and the poses' attitude."""
     time_us, quats = poses.track.arrival_us, poses.quat_wxyz
     known = np.isfinite(quats).all(axis=1) & np.isfinite(poses.pos_m).all(axis=1)
     found = attitudes_of(time_us[known], quats[known])
     step_s = np.diff(found.time_s)
     rates = found.steps_rad / step_s[:, None]
     turning = np.column_stack([1e6 * (found.time_s[1:] - 0.5 * step_s), rates])
-    way = _speed(time_us[known].astype(np.float64), poses.pos_m[known])
+    velocity = _speed(time_us[known].astype(np.float64), poses.pos_m[known])
     attitude = AttitudeSeries(time_us[known], euler_of_quat(quats[known]) * [0.0, 0.0, 1.0])
-    return replace(ground, turning=turning, velocity=way, by="the stream's poses"), attitude
+    return replace(ground, turning=turning, velocity=velocity, by="the stream's poses"), attitude
 
 
 def _speed(time_us: Floats, pos_m: Floats) -> Floats:
-    """Return us and velocity north and east, over some time around each position."""
+    """Return us and velocity north and east around each position."""
     if not len(time_us):
         return np.zeros((0, 3))
     back, ahead = (np.clip(time_us + by, time_us[0], time_us[-1]) for by in (-_AROUND_US, _AROUND_US))
-    way = [np.interp(ahead, time_us, column) - np.interp(back, time_us, column) for column in pos_m[:, :2].T]
+    moved = [np.interp(ahead, time_us, column) - np.interp(back, time_us, column) for column in pos_m[:, :2].T]
     took_s = np.maximum(ahead - back, 1.0) * 1e-6
-    return np.column_stack([time_us, *(one / took_s for one in way)])
+    return np.column_stack([time_us, *(one / took_s for one in moved)])
 
 
 def _velocity(ground: GroundSensors, position: PositionSeries | None, uses_flow: bool) -> tuple[Floats, bool]:
-    """Return us and velocity north and east, and whether it is free of the flow."""
+    """Return us and velocity north and east, and whether they are free of the flow."""
     if position is None or position.origin not in _OF_TRUTH:
         return ground.velocity, not uses_flow
     return _speed(position.time_us.astype(np.float64), position.ned_m), True
@@ -195,12 +195,12 @@ def _motion(
     north, east = velocity[:, 1], velocity[:, 2]
     ahead = north * np.cos(yaw) + east * np.sin(yaw)
     right = east * np.cos(yaw) - north * np.sin(yaw)
-    seen = np.column_stack([time_us, -right / dist_m, ahead / dist_m])
-    return _Motion(ground.by, ground.turning, seen[np.isfinite(seen).all(axis=1)], is_free)
+    shift = np.column_stack([time_us, -right / dist_m, ahead / dist_m])
+    return _Motion(ground.by, ground.turning, shift[np.isfinite(shift).all(axis=1)], is_free)
 
 
 def _distance(ground: GroundSensors, height: HeightSeries | None, time_us: Floats) -> Floats:
-    """Return m to the ground at some times, by a range finder or else above the start; NaN where it is near."""
+    """Return the distance to the ground in m, by a range finder or else by the height above the start; NaN if small."""
     below = [one for one in ground.ranges if one.looks_down and one.is_good.any()]
     if below:
         first = min(below, key=lambda one: one.is_sent)  # the autopilot's own word before a companion's
@@ -220,18 +220,18 @@ def fit_flow(
     position: PositionSeries | None,
     uses_flow: bool,
 ) -> tuple[FlowFit, ...]:
-    """Return how each flow sensor, and each sensor's own gyro, follows the vehicle's motion.
+    """Fit each flow sensor, and each sensor's own gyro, to the vehicle's motion.
 
     The position is not the filter's; ``uses_flow`` says whether the filter's velocity may come from the flow.
     """
     motion = _motion(ground, attitude, height, position, uses_flow)
     found = []
     for flow in ground.flows:
-        seen = np.asarray((flow.quality > 0) & np.isfinite(flow.rate).all(axis=1), dtype=np.bool_)
-        found.append(_fitted(flow, "flow", flow.rate, seen, motion))
-        told = np.asarray(np.isfinite(flow.body).all(axis=1), dtype=np.bool_)
-        if told.any():
-            found.append(_fitted(flow, "gyro", flow.body, told, replace(motion, seen=np.zeros((0, 3)))))
+        valid = np.asarray((flow.quality > 0) & np.isfinite(flow.rate).all(axis=1), dtype=np.bool_)
+        found.append(_fitted(flow, "flow", flow.rate, valid, motion))
+        has_body = np.asarray(np.isfinite(flow.body).all(axis=1), dtype=np.bool_)
+        if has_body.any():
+            found.append(_fitted(flow, "gyro", flow.body, has_body, replace(motion, shift=np.zeros((0, 3)))))
     return tuple(found)
 
 
@@ -254,18 +254,18 @@ def _fitted(flow: FlowSeries, of: str, rates: Floats, valid: Bools, motion: _Mot
 
 
 def _at_lag(fit: FlowFit, rates: Floats, time_us: Ints, motion: _Motion, lag_ms: int) -> FlowFit | None:
-    """Return how rates follow the motion of some time before; None if there was too little of it."""
-    gyro, seen = motion.at(np.asarray(time_us - lag_ms * 1e3, dtype=np.float64))
-    if np.isfinite(seen).all(axis=1).sum() < FEWEST:
-        seen = np.zeros_like(gyro)
-    known = np.isfinite(gyro).all(axis=1) & np.isfinite(seen).all(axis=1)
-    gyro, seen, rates = gyro[known], seen[known], rates[known]
+    """Return the fit of rates to the motion ``lag_ms`` before; None if there was too little motion."""
+    gyro, shift = motion.at(np.asarray(time_us - lag_ms * 1e3, dtype=np.float64))
+    if np.isfinite(shift).all(axis=1).sum() < FEWEST:
+        shift = np.zeros_like(gyro)
+    known = np.isfinite(gyro).all(axis=1) & np.isfinite(shift).all(axis=1)
+    gyro, shift, rates = gyro[known], shift[known], rates[known]
     if len(rates) < FEWEST:
         return None
-    turns, moves = gyro.std(axis=0).min() >= _LEAST_TURNING, seen.std(axis=0).min() >= _LEAST_SEEN
+    turns, moves = gyro.std(axis=0).min() >= _LEAST_TURNING, shift.std(axis=0).min() >= _LEAST_SHIFT
     if not turns and not (moves and motion.is_free):
         return None
-    parts = [gyro, seen] if turns else [seen, gyro]
+    parts = [gyro, shift] if turns else [shift, gyro]
     wanted = np.column_stack([*(part for part in parts if part.any()), np.ones(len(rates))])
     found = np.linalg.lstsq(wanted, rates, rcond=None)[0]
     left = ((rates - wanted @ found) ** 2).sum(axis=0)
@@ -274,7 +274,7 @@ def _at_lag(fit: FlowFit, rates: Floats, time_us: Ints, motion: _Motion, lag_ms:
     return replace(
         fit,
         count=len(rates),
-        is_whole=bool(gyro.any() and seen.any()),
+        is_whole=bool(gyro.any() and shift.any()),
         by_turning=bool(turns),
         matrix=np.asarray(found[:2].T, dtype=np.float64),
         explained=(float(explained[0]), float(explained[1])),

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What flow sensors and range finders said in a recording, and the motion of the vehicle to hold it against."""
+"""The data of flow sensors and range finders in a recording, and the vehicle's motion to compare them with."""
 
 import math
 from collections import defaultdict
@@ -60,17 +60,17 @@ def finders_in(params: Mapping[str, float]) -> list[RangeFinder]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlowSeries:
-    """What a flow sensor said.
+    """The data of a flow sensor.
 
     Attributes:
-        origin: what tells it, such as OF.
+        origin: the record or message, such as OF.
         time_us: N, us since boot.
         rate: N x 2, rad/s about the body's x and y, as the autopilot has them.
-        body: N x 2, rad/s, the rates of the sensor's own gyro; NaN where nothing tells them.
+        body: N x 2, rad/s, the rates of the sensor's own gyro; NaN where they are not known.
         quality: N, 0 to 255.
         numbers: of the messages, from 1; empty of a log.
-        units: N x 2, flow_x and flow_y as a companion sent them; None where the autopilot itself tells its rates.
-        sent_rate: N x 2, rad/s, flow_rate_x and flow_rate_y as a companion sent them, which nobody reads.
+        units: N x 2, flow_x and flow_y as a companion sent them; None if the autopilot reports its rates.
+        sent_rate: N x 2, rad/s, flow_rate_x and flow_rate_y as a companion sent them; the autopilot ignores them.
         has_all: whether every measurement is there, as it is not in the autopilot's telemetry.
     """
 
@@ -90,14 +90,14 @@ class FlowSeries:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RangeSeries:
-    """What a range finder said.
+    """The data of a range finder.
 
     Attributes:
-        origin: what tells it, such as RFND.
+        origin: the record or message, such as RFND.
         instance: its number, from 0.
         time_us: N, us since boot.
         dist_m: N.
-        low_m, high_m: N, what it can measure; NaN where nothing tells it.
+        low_m, high_m: N, what it can measure; NaN where it is not known.
         status: N, of ``RangeStatus``.
         orient: N, where it looks, 25 for down.
         numbers: of the messages, from 1; empty of a log.
@@ -120,12 +120,12 @@ class RangeSeries:
 
     @property
     def is_good(self) -> Bools:
-        """N, whether the filter takes the distance for its status."""
+        """N, whether the status lets the filter use the distance."""
         return np.asarray(self.status == RangeStatus.GOOD, dtype=np.bool_)
 
     @property
     def looks_down(self) -> bool:
-        """Whether it looks down, at last."""
+        """Whether it looks down, by its last record."""
         return bool(self.orient[-1] == DOWNWARD)
 
 
@@ -143,7 +143,7 @@ class GroundSensors:
         velocity: M x 3, us and the filter's velocity north and east in m/s.
         check: M x 3, us, the filter's worse test ratio of flow, 1 at the gate, and its height above the ground in m.
         by: whose motion that is.
-        health: of FLOW and RANGE, as far as SYS_STATUS enables them, whether it ever calls them healthy.
+        health: whether SYS_STATUS ever calls FLOW and RANGE healthy, if it enables them.
     """
 
     flows: tuple[FlowSeries, ...] = ()
@@ -170,7 +170,7 @@ NO_GROUND_SENSORS: Final = GroundSensors()
 
 
 def ground_sensors_in(log: LogColumns) -> GroundSensors:
-    """Return what a log has of flow and ranges."""
+    """Return the flow and range data of a log."""
     check = rows_in_time(table_with(log, "XKF5", (("NI",), ("HAGL",))))
     check[:, 1] /= 100.0
     return GroundSensors(
@@ -183,14 +183,14 @@ def ground_sensors_in(log: LogColumns) -> GroundSensors:
 
 
 def _of_first(log: LogColumns, kind: str, index: str, labels: tuple[str, ...]) -> Floats:
-    """Return time and fields of the records of the first of several sensors or cores."""
+    """Return times and fields of the records of the first sensor or core."""
     table = rows_in_time(table_with(log, kind, ((index,), *((label,) for label in labels))))
     table = np.delete(table[np.nan_to_num(table[:, 1]) == 0], 1, axis=1)
     return np.asarray(table[np.isfinite(table).all(axis=1)], dtype=np.float64)
 
 
 def _logged_flow(log: LogColumns) -> tuple[FlowSeries, ...]:
-    """Return what OF records say, or else what was handed to the filter, which has the time of its measurement."""
+    """Return the OF records, or else what the filter was handed, which has the times of measurement."""
     origin, rows = "OF", table_with(log, "OF", (("Qual",), ("flowX",), ("flowY",), ("bodyX",), ("bodyY",)))
     if not len(rows):
         origin, rows = "ROFH", _handed_over(log)
@@ -213,7 +213,7 @@ def _handed_over(log: LogColumns) -> Floats:
 
 
 def _logged_ranges(log: LogColumns) -> tuple[RangeSeries, ...]:
-    """Return what RFND records say, or else what the filter was given; without a status a distance above 0 is good."""
+    """Return the RFND records, or else what the filter was handed; without a status a distance above 0 is good."""
     labels = (("Instance", "I"), ("Dist", "Dist1"), ("Stat",), ("Orient", "Orient1"))
     origin = "RFND" if log.counts.get("RFND") else "RRNI"
     rows = rows_in_time(table_with(log, "RFND", labels) if origin == "RFND" else _given(log))
@@ -246,7 +246,7 @@ def _given(log: LogColumns) -> Floats:
 
 
 class GroundListener:
-    """Collects what is said in a stream of flow, ranges and the motion of one vehicle."""
+    """Collects flow, ranges and the motion of one vehicle from a stream."""
 
     def __init__(self) -> None:
         self._flows: dict[tuple[int, int], list[tuple[int, int, OPTICAL_FLOW]]] = defaultdict(list)
@@ -278,8 +278,8 @@ class GroundListener:
             speeds = message.vx, message.vy
             self._velocity[header.system_id].append((time_us, message.time_boot_ms * 1e3, *speeds))
 
-    def told(self, system_id: int | None, params: Mapping[str, float]) -> GroundSensors:
-        """Return what was said; the autopilot's parameters scale and turn what a companion sends."""
+    def sensors(self, system_id: int | None, params: Mapping[str, float]) -> GroundSensors:
+        """Return what was collected; the autopilot's parameters scale and rotate what a companion sends."""
         own = (system_id, MAV_COMP_ID_AUTOPILOT1)
         vehicle = -1 if system_id is None else system_id
         return GroundSensors(
@@ -292,7 +292,7 @@ class GroundListener:
 
 
 def _steady(rows: list[tuple[float, ...]], width: int) -> Floats:
-    """Return rows by their own clock, tied to the times of arrival by the least delay."""
+    """Return rows with times by their own clock, tied to the times of arrival by the least delay."""
     table = np.array(rows, dtype=np.float64).reshape(-1, width + 1)
     table = table[np.isfinite(table).all(axis=1)]
     if not len(table):
@@ -301,13 +301,13 @@ def _steady(rows: list[tuple[float, ...]], width: int) -> Floats:
     return np.asarray(table[np.argsort(table[:, 1], kind="stable"), 1:], dtype=np.float64)
 
 
-def driven(units: Floats, time_us: Ints, params: Mapping[str, float]) -> Floats:
-    """Return the rates that AP_OpticalFlow_MAV makes of flow_x and flow_y, of messages that come one at a time.
+def rates_by_driver(units: Floats, time_us: Ints, params: Mapping[str, float]) -> Floats:
+    """Return the rates that AP_OpticalFlow_MAV computes from flow_x and flow_y of messages that come one at a time.
 
     Args:
         units: N x 2, as sent.
         time_us: N, when they came.
-        params: hold FLOW_FXSCALER, FLOW_FYSCALER and FLOW_ORIENT_YAW; 0 those that are not there.
+        params: with FLOW_FXSCALER, FLOW_FYSCALER and FLOW_ORIENT_YAW; 0 if they are missing.
 
     Source: AP_OpticalFlow_MAV::update.
     """
@@ -324,17 +324,17 @@ def _sent_flow(
     whose: tuple[int, int], rows: list[tuple[int, int, OPTICAL_FLOW]], params: Mapping[str, float], *, is_own: bool
 ) -> FlowSeries:
     time_us = np.array([row[0] for row in rows], dtype=np.int64)
-    said: list[Any] = [row[2] for row in rows]
+    messages: list[Any] = [row[2] for row in rows]
     numbers = np.array([row[1] for row in rows], dtype=np.int64)
-    quality = np.array([one.quality for one in said], dtype=np.int64)
-    sent = np.array([(one.flow_rate_x, one.flow_rate_y) for one in said], dtype=np.float64)
+    quality = np.array([one.quality for one in messages], dtype=np.int64)
+    sent = np.array([(one.flow_rate_x, one.flow_rate_y) for one in messages], dtype=np.float64)
     origin = f"OPTICAL_FLOW from {whose[0]}/{whose[1]}"
     if is_own:
-        body = sent - np.array([(one.flow_comp_m_x, one.flow_comp_m_y) for one in said], dtype=np.float64)
+        body = sent - np.array([(one.flow_comp_m_x, one.flow_comp_m_y) for one in messages], dtype=np.float64)
         return FlowSeries(origin, time_us, sent, body, quality, numbers, has_all=False)
-    units = np.array([(one.flow_x, one.flow_y) for one in said], dtype=np.float64)
+    units = np.array([(one.flow_x, one.flow_y) for one in messages], dtype=np.float64)
     unknown = np.full(units.shape, np.nan)
-    return FlowSeries(origin, time_us, driven(units, time_us, params), unknown, quality, numbers, units, sent)
+    return FlowSeries(origin, time_us, rates_by_driver(units, time_us, params), unknown, quality, numbers, units, sent)
 
 
 def _sent_range(
@@ -344,8 +344,10 @@ def _sent_range(
     *,
     is_own: bool,
 ) -> RangeSeries:
-    said: list[Any] = [row[2] for row in rows]
-    table = np.array([(one.current_distance, one.min_distance, one.max_distance) for one in said], np.float64) * 0.01
+    messages: list[Any] = [row[2] for row in rows]
+    table = (
+        np.array([(one.current_distance, one.min_distance, one.max_distance) for one in messages], np.float64) * 0.01
+    )
     dist_m, low_m, high_m = table.T
     if not is_own:
         low_m, high_m = _limits(low_m, high_m, whose[3], params)
@@ -367,7 +369,7 @@ def _sent_range(
 
 
 def _limits(low_m: Floats, high_m: Floats, orient: int, params: Mapping[str, float]) -> tuple[Floats, Floats]:
-    """Return the limits that AP_RangeFinder_MAVLink makes of messages' and of those of the finder that takes them."""
+    """Return the limits that AP_RangeFinder_MAVLink computes from those of messages and of the finder's parameters."""
     taking = (one.number for one in finders_in(params) if one.is_mavlink and one.orient == orient)
     prefix = f"RNGFND{next(taking, '')}_"
     least, most = (

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How late messages are, by a clock that may step: the least lag of each half second tells the others' lateness."""
+"""How late messages are, by a clock that may step: compared with the least lag of each half second."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
@@ -12,30 +12,35 @@ from viso.doctor.evidence.sender_clock import FEWEST, are_us, is_constant, lag_m
 from viso.doctor.evidence.tracks import Floats, Ints, Track
 
 STEP_BACK_US: Final = 1000
+"""Smaller steps back may come from the rounding of stamps."""
 LEAST_JUMP_MS: Final = 100.0
+"""Smaller steps ahead may come from messages that were late until then."""
 LEAST_STEP_MS: Final = 20.0
+"""A smaller change of the lag does not show beside the jitter of a link."""
 LEAST_NET_MS: Final = 300.0
+"""A drift that is no straight line counts from here on."""
 STEADY_WINDOWS: Final = 4
+"""A change of the lag has to last for so many windows."""
 _WINDOW_US: Final = 500_000
 _MOST_IN_PAIRS: Final = 300
 
 
 def usable_tracks(evidence: Evidence) -> Iterator[Track]:
-    """Yield the tracks whose stamps are us of a clock that runs as the autopilot's: of others no lag can be told."""
+    """Yield the tracks whose stamps are us of a clock that runs as the autopilot's; others show no lag."""
     for track in evidence.stream.tracks:
-        if len(track) >= FEWEST and tells_lags(track):
+        if len(track) >= FEWEST and shows_lags(track):
             yield track
 
 
-def tells_lags(track: Track) -> bool:
-    """Return whether the stamps of a track say how late its messages are."""
+def shows_lags(track: Track) -> bool:
+    """Return whether the stamps of a track show how late its messages are."""
     return not is_constant(track) and are_us(track) and sender_clock(track) is None
 
 
 class Minima(NamedTuple):
-    """The least lag in each of some windows, with its beginning and its first message.
+    """The least lag in each window, with the window's start and first message.
 
-    None goes over a step of the clock; ``segment`` counts the steps before it.
+    No window contains a step of the clock; ``segment`` counts the steps before it.
     """
 
     time_s: Floats
@@ -45,7 +50,7 @@ class Minima(NamedTuple):
 
 
 def _segments(track: Track) -> Ints:
-    """Return for each message how many steps of the sender's clock there were before it."""
+    """Return the number of steps of the sender's clock before each message."""
     step = np.diff(track.stamp_us)
     lag = lag_ms(track)
     ahead = np.minimum.accumulate(lag)[:-1] - lag[1:] > LEAST_JUMP_MS
@@ -75,7 +80,7 @@ def _slope(minima: Minima) -> float:
 
 
 def drift_ppm(minima: Minima) -> float | None:
-    """Return the steady drift of the clocks, positive if messages seem later and later; None where it is no line."""
+    """Return the steady drift of the clocks, positive if messages seem later and later; None if it is not steady."""
     if len(minima.lag_ms) < 2 * STEADY_WINDOWS:
         return None
     every = max(1, len(minima.lag_ms) // _MOST_IN_PAIRS)
@@ -88,7 +93,7 @@ def drift_ppm(minima: Minima) -> float | None:
 
 
 def net_drift_ppm(minima: Minima) -> float | None:
-    """Return the drift of the clocks in all, of whatever shape; None where it turns back, is a step, or is little."""
+    """Return the total drift of the clocks, steady or not; None if it turns back, is a step, or is small."""
     if len(minima.lag_ms) < 2 * STEADY_WINDOWS or minima.segment[-1] != minima.segment[0]:
         return None
     steady = np.lib.stride_tricks.sliding_window_view(minima.lag_ms, STEADY_WINDOWS).min(axis=1)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Listens to a link or a live topic for a while, and returns what came as a stream."""
+"""Listens to a link or a live topic for a while, and returns the messages as a stream."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -40,7 +40,7 @@ def heard_on_link(
     stop: Callable[[], bool],
     on_progress: Callable[[float], None],
 ) -> Stream:
-    """Return the frames that an open link carries, with the times at which they were read; nothing is sent on it.
+    """Return the frames that an open link receives, with the times at which they were read; nothing is sent.
 
     The first gets ``lead_us`` as its time since the autopilot's boot. ``now_s`` is a monotonic clock.
     """
@@ -85,7 +85,7 @@ def heard_on_topic(
 
 
 def stream_of_topic(topic: PoseTopic, heard: list[Heard], lead_us: int, axes: str, form: str | None) -> Stream:
-    """Return what was heard on a topic as messages that hold it as it is; arguments and errors of ``as_recorded``."""
+    """Return the poses of a topic as a stream of messages; arguments and errors are those of ``as_recorded``."""
     name = SCHEME + topic.name
     with told_errors(TrajectoryError):
         records = collect(name, [one.message for one in heard])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A sender's path and its velocities side by side: they are to be one motion."""
+"""A sender's path and its velocities side by side: they have to be one motion."""
 
 import itertools
 import math
@@ -37,7 +37,7 @@ _INVERSE: Final = np.array([1.0, -1.0, -1.0, -1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """Mean velocities over windows, of a quarter of a second unless told otherwise, m/s, each M x 3.
+    """Mean velocities over M windows, by default of a quarter of a second, in m/s, each M x 3.
 
     Attributes:
         pose_sender, velocity_sender: whose messages.
@@ -45,10 +45,10 @@ class Motion:
         arrival_us: M, likewise.
         path: from the positions.
         used: from the velocities as the autopilot understands them.
-        told: from the velocities as sent.
+        sent: from the velocities as sent.
         turned: from the velocities as sent, turned by the attitude.
         path_body: from the positions, in the axes of the body.
-        reordered: from the velocities as sent, turned by the attitude with its numbers taken as x, y, z, w.
+        reordered: from the velocities as sent, turned by the attitude read as x, y, z, w.
         is_level_reordered: whether that attitude is more or less level, as those of vehicles are.
     """
 
@@ -58,7 +58,7 @@ class Motion:
     arrival_us: Ints
     path: Floats
     used: Floats
-    told: Floats
+    sent: Floats
     turned: Floats
     path_body: Floats
     reordered: Floats
@@ -71,14 +71,14 @@ class Motion:
 
 
 class Agreement(NamedTuple):
-    """How well velocities fit a path: path = scale x velocity; correlation is -1 to 1."""
+    """How well velocities fit a path: path = scale * velocity; the correlation is -1 to 1."""
 
     scale: float
     correlation: float
 
 
 def typical_speed(velocities: Floats) -> float:
-    """Return the root of the mean square of lengths in m/s, the fastest twentieth left out."""
+    """Return the root mean square speed in m/s, without the fastest twentieth."""
     lengths = np.linalg.norm(velocities, axis=1)
     if not len(lengths):
         return 0.0
@@ -101,7 +101,7 @@ def agreement(path: Floats, velocities: Floats) -> Agreement:
 
 
 class Axes(NamedTuple):
-    """A way to mix up axes: signed permutation, and in words."""
+    """A mix-up of axes: a signed permutation, and its text."""
 
     matrix: Floats
     text: str
@@ -124,9 +124,9 @@ AXES: Final[Sequence[Axes]] = tuple(sorted(_all_axes(), key=lambda axes: -float(
 
 
 def best_axes(path: Floats, velocities: Floats) -> tuple[Axes, Agreement]:
-    """Return the axes with which velocities fit a path best, the least mixed up of those that fit about equally.
+    """Return the axes with which velocities fit a path best; of those that fit equally, the least mixed up.
 
-    Of long paths a part is looked at, evenly spread.
+    Long paths are thinned out evenly.
     """
     path, velocities = (values[:: len(path) // _ENOUGH + 1] for values in (path, velocities))
     best = AXES[0], agreement(path, velocities)
@@ -138,7 +138,7 @@ def best_axes(path: Floats, velocities: Floats) -> tuple[Axes, Agreement]:
 
 
 def heading_between(path: Floats, velocities: Floats) -> tuple[float, float]:
-    """Return by what angle in rad horizontal velocities must be turned to fit a path, and the correlation then."""
+    """Return the angle in rad by which horizontal velocities must be turned to fit a path, and the correlation then."""
     chosen = np.linalg.norm(path, axis=1) <= 3 * max(typical_speed(path), LEAST_SPEED)
     one, other = path[chosen, :2], velocities[chosen, :2]
     along = float(np.sum(one * other))
@@ -153,9 +153,9 @@ def _integral(time_s: Floats, values: Floats) -> Floats:
 
 
 def _on_times(velocities: Velocities, poses: Poses, time_us: Ints) -> Floats | None:
-    """Return velocities as sent at the times of poses."""
+    """Return velocities as sent, interpolated at the times of poses; None if the two share no clock."""
     if velocities.track.sender == poses.track.sender:
-        return velocities.told
+        return velocities.sent
     if len(velocities.track) < 2:
         return None
     times = velocities.track.arrival_us
@@ -168,23 +168,23 @@ def _on_times(velocities: Velocities, poses: Poses, time_us: Ints) -> Floats | N
         return None
     else:
         time_us = poses.track.arrival_us
-    return np.column_stack([np.interp(time_us, times, velocities.told[:, axis]) for axis in range(3)])
+    return np.column_stack([np.interp(time_us, times, velocities.sent[:, axis]) for axis in range(3)])
 
 
 def _is_level(quat_wxyz: Floats) -> bool:
-    """Return whether most of some attitudes are tilted by less than 45 deg."""
+    """Return whether most attitudes are tilted by less than 45 deg."""
     upright = down_in_body(euler_of_quat(quat_wxyz))[:, 2]
     return float(np.nanmedian(upright)) > math.cos(math.radians(45))
 
 
 def _motion(poses: Poses, velocities: Velocities, window_s: float) -> Motion | None:
     time_us = time_base_us(poses.track)
-    told = _on_times(velocities, poses, time_us)
-    if told is None or len(poses.track) < FEWEST_WINDOWS:
+    sent = _on_times(velocities, poses, time_us)
+    if sent is None or len(poses.track) < FEWEST_WINDOWS:
         return None
     time_s: Floats = np.asarray(time_us * 1e-6, dtype=np.float64)
-    turned = rotated(poses.quat_wxyz, told)
-    finite = np.isfinite(np.column_stack((poses.pos_m, told, turned))).all(axis=1)
+    turned = rotated(poses.quat_wxyz, sent)
+    finite = np.isfinite(np.column_stack((poses.pos_m, sent, turned))).all(axis=1)
     fine: Bools = np.asarray(finite & (poses.quality != _FAILED), dtype=np.bool_)
     first = np.arange(len(time_s))
     last = np.searchsorted(time_s, time_s + window_s)
@@ -203,8 +203,8 @@ def _motion(poses: Poses, velocities: Velocities, window_s: float) -> Motion | N
 
     with np.errstate(all="ignore"):
         path = (poses.pos_m[last] - poses.pos_m[first]) / dt
-        mean_turned, mean_told = mean_of(turned), mean_of(told)
-        mean_reordered = mean_of(rotated(reordered(poses.quat_wxyz), told))
+        mean_turned, mean_sent = mean_of(turned), mean_of(sent)
+        mean_reordered = mean_of(rotated(reordered(poses.quat_wxyz), sent))
     is_body = velocities.track.sender.name == "ODOMETRY"
     return Motion(
         poses.track.sender,
@@ -212,8 +212,8 @@ def _motion(poses: Poses, velocities: Velocities, window_s: float) -> Motion | N
         poses.track.numbers[first],
         poses.track.arrival_us[first],
         path,
-        mean_turned if is_body else mean_told,
-        mean_told,
+        mean_turned if is_body else mean_sent,
+        mean_sent,
         mean_turned,
         rotated(poses.quat_wxyz[(first + last) // 2] * _INVERSE, path),
         mean_reordered,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the filter of the vehicle that really flew said of itself, whatever the recording."""
+"""What the recorded vehicle's own filter reported, in a log or in telemetry."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,13 +16,13 @@ from viso.doctor.evidence.tracks import Bools, Floats, Ints
 from viso.estimators.series import overlap_s, stretches_of
 
 CHANNELS: Final = ("velocity", "position", "height", "yaw")
-"""What is tested, in the order of SV, SP, SH and SM."""
+"""The tested measurements, in the order of SV, SP, SH and SM."""
 
 VELOCITY, POSITION, HEIGHT, YAW = range(4)
 POSITION_LOST: Final = 1 << 0  # of XKF4.TS
 VELOCITY_LOST: Final = 1 << 1
 HEIGHT_LOST: Final = 1 << 2
-NOT_TOLD: Final = -1
+NOT_KNOWN: Final = -1
 _POSITION_FLAGS: Final = int(FilterFlag.HORIZ_POS_REL | FilterFlag.HORIZ_POS_ABS)
 _LARGEST_SOURCE: Final = 127
 _LONGEST_STEP_US: Final = 1_000_000
@@ -42,7 +42,7 @@ _NAMES: Final[tuple[Mapping[int, str], ...]] = tuple(
     {int(one): _PLAIN.get(one.name, one.name.lower()) for one in kind}
     for kind in (SourceXY, SourceXY, SourceZ, SourceYaw)
 )
-_SAID: Final = re.compile(r"EKF[23] IMU(\d) (.*)")
+_OF_A_CORE: Final = re.compile(r"EKF[23] IMU(\d) (.*)")
 _BY_EXTNAV: Final = ("is using external nav", "fusing odometry")
 _BY_OTHERS: Final = ("is using ", "stopped aiding", "started relative aiding", "fusing optical flow", "initialised")
 
@@ -52,9 +52,8 @@ Span = tuple[float, float]
 class Witness(StrEnum):
     """What a finding rests on.
 
-    LOG: what the vehicle that really flew wrote down itself. TELEMETRY: what it sent meanwhile. STREAM: what the
-    companion sent, and what the port and the endpoint, which are exact, do with it. MODEL: what a model of the filter
-    makes of it.
+    LOG: the log of the vehicle that really flew. TELEMETRY: what it sent meanwhile. STREAM: what the companion sent,
+    and what port and endpoint, which are exact, do with it. MODEL: what a model of the filter does with it.
     """
 
     LOG = "log"
@@ -65,7 +64,7 @@ class Witness(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class OtherCore:
-    """A core that the autopilot did not fly with, while a test ratio of its own was above 1."""
+    """A core that was not the primary one, while one of its test ratios was above 1."""
 
     core: int
     over_s: float
@@ -75,7 +74,7 @@ class OtherCore:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisionSensor:
-    """What N messages of SYS_STATUS say about the vision sensor, at times since boot."""
+    """The vision sensor in N messages of SYS_STATUS, at times since boot."""
 
     time_us: Ints
     present: Bools
@@ -85,7 +84,7 @@ class VisionSensor:
 
 @dataclass(frozen=True, slots=True)
 class OverOne:
-    """How long a test ratio was above 1 while a source fed its channel.
+    """How long a test ratio was above 1 while a source was in use.
 
     Attributes:
         channel: index in ``CHANNELS``.
@@ -94,8 +93,8 @@ class OverOne:
         armed_s: of the time above 1.
         worst, worst_us: the largest ratio, and when.
         first_us, last_us: when it was above 1.
-        source: what feeds it, by name.
-        innovation: the largest of external navigation meanwhile in m/s, m or deg; None where nothing tells it.
+        source: the source of the channel, by name.
+        innovation: the largest of external navigation meanwhile in m/s, m or deg; None if it is not known.
     """
 
     channel: int
@@ -118,23 +117,23 @@ class OverOne:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OwnFilter:
-    """What the filter of the recorded vehicle said, and the vehicle about it.
+    """What the recorded vehicle's own filter reported, and what the vehicle reported about it.
 
     Attributes:
         witness: a log or telemetry.
-        record: what tells test ratios and flags, such as XKF4; "" if nothing does.
+        record: of test ratios and flags, such as XKF4; "" if there is none.
         time_us: N, us since boot.
-        ratios: N x 4, square roots of test ratios by channel, 1 at the gate; NaN where not told.
+        ratios: N x 4, square roots of test ratios by channel, 1 at the gate; NaN where they are not known.
         flags: N, bits of ``FilterFlag``.
-        timeouts: N, bits of XKF4.TS; 0 where not told.
-        sources: N x 5, by ``ROWS``, what the active source set names; NOT_TOLD where nobody tells.
+        timeouts: N, bits of XKF4.TS; 0 where they are not known.
+        sources: N x 5, by ``ROWS``, the active source set's; NOT_KNOWN where that is not known.
         innovation_us, innovations: M and M x 4, their sizes by channel, in m/s, m, m and deg.
-        armed: spans in s since boot; None if nobody tells.
-        texts: time and text of what the autopilot said.
+        armed: spans in s since boot; None if they are not known.
+        texts: the autopilot's, with their times in us since boot.
         failsafes: time and text of each time that the EKF check or failsafe acted.
         lanes: time and core of each change of the primary core.
         others: other cores with a ratio above 1.
-        vision: what SYS_STATUS says; None without any, as in logs.
+        vision: the sensor in SYS_STATUS; None without any, as in logs.
     """
 
     witness: Witness
@@ -155,12 +154,12 @@ class OwnFilter:
 
     @property
     def has_ratios(self) -> bool:
-        """Whether it tells any test ratio."""
+        """Whether any test ratio is known."""
         return bool(np.isfinite(self.ratios).any())
 
     @property
     def step_s(self) -> Floats:
-        """N, for how long each record speaks: until the next, but not over gaps of the recording."""
+        """N, for how long each record holds: until the next one, but not over gaps of the recording."""
         if len(self.time_us) < 2:
             return np.zeros(len(self.time_us))
         steps = np.diff(self.time_us)
@@ -169,12 +168,12 @@ class OwnFilter:
 
     @property
     def running(self) -> Bools:
-        """N, whether the filter has an attitude; always where no flags are told."""
+        """N, whether the filter has an attitude; always if no flags are known."""
         return self._has(int(FilterFlag.ATTITUDE)) if self.flags.any() else np.ones(len(self.flags), np.bool_)
 
     @property
     def positioned(self) -> Bools:
-        """N, whether it has a horizontal position of its own, rather than one that it holds."""
+        """N, whether it has a horizontal position, other than one that it holds (constant position mode)."""
         return self._has(_POSITION_FLAGS) & ~self._has(int(FilterFlag.CONST_POS_MODE))
 
     @property
@@ -186,37 +185,37 @@ class OwnFilter:
         return np.asarray(self.flags & flags != 0, dtype=np.bool_)
 
     def fed_by_extnav(self, channel: int) -> Bools:
-        """N, whether external navigation is to feed a channel."""
+        """N, whether external navigation is the source of a channel."""
         fed = self.sources[:, _ROW_OF[channel]] == EXTNAV
         return np.asarray(fed | (self.sources[:, _VELZ] == EXTNAV) if channel == VELOCITY else fed, dtype=np.bool_)
 
-    def is_told(self, channel: int) -> Bools:
+    def is_source_known(self, channel: int) -> Bools:
         """N, whether the source of a channel is known."""
-        return np.asarray(self.sources[:, _ROW_OF[channel]] != NOT_TOLD, dtype=np.bool_)
+        return np.asarray(self.sources[:, _ROW_OF[channel]] != NOT_KNOWN, dtype=np.bool_)
 
     @property
     def wants_extnav(self) -> Bools:
-        """N, whether horizontal position or velocity are to come from external navigation."""
+        """N, whether external navigation is the source of horizontal position or velocity."""
         return np.asarray((self.sources[:, [_ROW_OF[VELOCITY], _ROW_OF[POSITION]]] == EXTNAV).any(axis=1), np.bool_)
 
     @property
     def uses_extnav(self) -> Bools:
-        """N, whether it has what external navigation is to give: a position, or a velocity where no more is asked."""
+        """N, whether it has what external navigation is the source of: a position, or else a velocity."""
         has = np.where(self.fed_by_extnav(POSITION), self.positioned, self.positioned | self.moving)
         return np.asarray(self.wants_extnav & has, dtype=np.bool_)
 
     @property
     def usable(self) -> Bools:
-        """N x 4, whether the filter could use a measurement of a channel: not while it only holds its position."""
+        """N x 4, whether the filter could use a measurement of a channel; not in constant position mode."""
         free = self.running & ~self._has(int(FilterFlag.CONST_POS_MODE))
         return np.column_stack((free, free, self.running, self.running))
 
     def source(self, channel: int) -> int:
-        """Return what feeds a channel at last."""
-        return int(self.sources[-1, _ROW_OF[channel]]) if len(self.sources) else NOT_TOLD
+        """Return the last known source of a channel."""
+        return int(self.sources[-1, _ROW_OF[channel]]) if len(self.sources) else NOT_KNOWN
 
     def over_one(self, channel: int, mask: Bools) -> OverOne | None:
-        """Return how long a ratio was above 1 in some records in which the filter could use its source."""
+        """Return how long a ratio was above 1 in the masked records with a usable source; None if it never was."""
         usable = mask & self.usable[:, channel]
         ratio = self.ratios[:, channel]
         over = usable & (ratio > 1.0)
@@ -249,31 +248,31 @@ class OwnFilter:
         return float(sizes.max()) if len(sizes) else None
 
     def is_fed_by_others(self, channel: int, time_us: Ints) -> Bools:
-        """Return at which times a channel is known to be fed by something else than external navigation."""
-        return self._at(time_us, self.is_told(channel) & ~self.fed_by_extnav(channel))
+        """Return at which times a channel is known to have another source than external navigation."""
+        return self._at(time_us, self.is_source_known(channel) & ~self.fed_by_extnav(channel))
 
     def lost_itself(self, time_us: Ints) -> Bools:
-        """Return when it rejected a height of another source: its attitude is no measure then."""
+        """Return at which times it rejected a height of another source: its attitude is no measure then."""
         return self._at(time_us, np.asarray((self.ratios[:, HEIGHT] > 1.0) & ~self.fed_by_extnav(HEIGHT), np.bool_))
 
     def _at(self, time_us: Ints, mask: Bools) -> Bools:
-        """Return what held in the latest record up to each time; nothing before the first."""
+        """Return a mask's value in the latest record up to each time; False before the first."""
         latest = np.searchsorted(self.time_us, time_us, side="right") - 1
         return np.asarray((latest >= 0) & np.append(mask, False)[latest], dtype=np.bool_)
 
     def lost_spans(self, mask: Bools) -> list[Span]:
-        """Return from when to when something held, in s, at records that are told."""
+        """Return the spans of a mask over the records, in s."""
         time_s = self.time_us * 1e-6
         return [(float(time_s[a]), float(time_s[min(b, len(time_s) - 1)])) for a, b in stretches_of(mask)]
 
 
 def source_name(channel: int, value: int) -> str:
-    """Return what feeds a channel by the value of its parameter."""
-    return "an unknown source" if value == NOT_TOLD else _NAMES[channel].get(value, f"source {value}")
+    """Return the name of a channel's source, from the value of its parameter."""
+    return "an unknown source" if value == NOT_KNOWN else _NAMES[channel].get(value, f"source {value}")
 
 
 def innovation_sizes(table: Floats) -> Floats:
-    """Return N x 4 sizes by channel, of velocities and positions north, east and down, and yaw in deg."""
+    """Return N x 4 sizes by channel, from innovations of velocity and position north, east and down, and yaw in deg."""
     return np.column_stack(
         (
             np.linalg.norm(table[:, :3], axis=1),
@@ -285,9 +284,9 @@ def innovation_sizes(table: Floats) -> Floats:
 
 
 def spans_between(states: Sequence[tuple[int, bool]], start_us: int, end_us: int) -> tuple[Span, ...]:
-    """Return from when to when something was on, in s, by what switched it.
+    """Return the spans in s in which something was on, from its switching.
 
-    What is switched off first was on when the recording began, as in a log that is written while armed only.
+    If it is switched off first, it was on when the recording began, as in a log that is written while armed only.
     """
     spans: list[Span] = []
     since = start_us if states and not states[0][1] else None
@@ -305,41 +304,41 @@ def sources_over(
     params: Mapping[str, float],
     changes: Iterable[tuple[int, str, float]],
     switches: Iterable[tuple[int, int]],
-    said: Sequence[tuple[int, bool]],
+    reported: Sequence[tuple[int, bool]],
 ) -> Ints:
-    """Return N x 5, by ``ROWS``, what the active source set of EKF3 names at some times.
+    """Return N x 5, by ``ROWS``, the sources of EKF3's active source set at some times.
 
     Args:
         time_us: when.
         params: at boot.
         changes: time, name and value of parameters.
         switches: time and source set, from 0.
-        said: time, and whether the filter then began to navigate by external navigation, or by something else: it
-            tells the source of the position where no parameter does.
+        reported: time, and whether the filter then began to navigate by external navigation, or by another source:
+            the source of the position if no parameter names it.
     """
     events: list[tuple[int, str, float]] = [*changes, *((at, "set", float(number)) for at, number in switches)]
-    events += [(at, "said", EXTNAV if by_extnav else NOT_TOLD) for at, by_extnav in said]
-    now = {**params, "set": 0.0, "said": float(NOT_TOLD)}
-    found, start = np.full((len(time_us), len(ROWS)), NOT_TOLD, dtype=np.int64), 0
+    events += [(at, "reported", EXTNAV if by_extnav else NOT_KNOWN) for at, by_extnav in reported]
+    now = {**params, "set": 0.0, "reported": float(NOT_KNOWN)}
+    found, start = np.full((len(time_us), len(ROWS)), NOT_KNOWN, dtype=np.int64), 0
     for at, name, value in [*sorted(events), (np.iinfo(np.int64).max, "", 0.0)]:
         end = int(np.searchsorted(time_us, at, side="left"))
-        row = [now.get(f"EK3_SRC{int(now['set']) + 1}_{what}", float(NOT_TOLD)) for what in ROWS]
-        if row[0] == NOT_TOLD:
-            row[0] = now["said"]
-        found[start:end] = [value if 0 <= value <= _LARGEST_SOURCE else NOT_TOLD for value in row]
+        row = [now.get(f"EK3_SRC{int(now['set']) + 1}_{what}", float(NOT_KNOWN)) for what in ROWS]
+        if row[0] == NOT_KNOWN:
+            row[0] = now["reported"]
+        found[start:end] = [value if 0 <= value <= _LARGEST_SOURCE else NOT_KNOWN for value in row]
         start = max(start, end)
         now[name] = value
     return found
 
 
-def said_by_filter(texts: Iterable[tuple[int, str]]) -> Iterator[tuple[int, bool, str]]:
-    """Yield when the filter said that it navigates by external navigation, or by something else, and the sentence.
+def aiding_texts(texts: Iterable[tuple[int, str]]) -> Iterator[tuple[int, bool, str]]:
+    """Yield when the filter reported navigation by external navigation, or by another source, and the text.
 
-    Of several cores that say the same, one is heard.
+    Of several cores the first one counts.
     """
     heard: str | None = None
     for time_us, text in texts:
-        match = _SAID.match(text)
+        match = _OF_A_CORE.match(text)
         if match is None or heard not in (None, match[1]):
             continue
         by_extnav = match[2].startswith(_BY_EXTNAV)

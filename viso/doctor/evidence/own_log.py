@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the filter of a logged vehicle said of itself: XKF or NKF records, texts, events and errors."""
+"""The reports of a vehicle's own filter in a log: XKF or NKF records, texts, events and errors."""
 
 from collections.abc import Iterator, Mapping
 from typing import Final
@@ -13,8 +13,8 @@ from viso.doctor.evidence.own_filter import (
     OtherCore,
     OwnFilter,
     Witness,
+    aiding_texts,
     innovation_sizes,
-    said_by_filter,
     sources_over,
     spans_between,
 )
@@ -44,7 +44,7 @@ _EKF2_HEIGHT: Final[Mapping[int, int]] = {
 
 
 def own_filter_in(log: LogColumns) -> OwnFilter:
-    """Return what the filter of a logged vehicle said of itself."""
+    """Return what the vehicle's own filter reported in a log."""
     records = filter_records_in(log)
     status = records.status
     time_us = _us(status.time_s)
@@ -103,23 +103,23 @@ def _sources(log: LogColumns, time_us: Ints, texts: tuple[tuple[int, str], ...],
         if name in params:
             changes.append((int(time), name, value))
         params.setdefault(name, value)
-    said = [(time, by_extnav) for time, by_extnav, _ in said_by_filter(texts)]
+    reported = [(time, by_extnav) for time, by_extnav, _ in aiding_texts(texts)]
     if prefix == EKF2:
-        return _ekf2_sources(time_us, params, said)
+        return _ekf2_sources(time_us, params, reported)
     switches = [(time, int(number)) for time, number in rows_of(log, "XKFS", "SS")]
     if not switches:
         sets = range(EV_SOURCE_SET_1, EV_SOURCE_SET_1 + SETS)
         switches = [(time, event - EV_SOURCE_SET_1) for time, event in rows_of(log, "EV", "Id") if event in sets]
-    return sources_over(time_us, params, changes, _changes(switches), said)
+    return sources_over(time_us, params, changes, _changes(switches), reported)
 
 
 def _changes(states: list[tuple[int, int]]) -> list[tuple[int, int]]:
     return [one for number, one in enumerate(states) if number == 0 or one[1] != states[number - 1][1]]
 
 
-def _ekf2_sources(time_us: Ints, params: Mapping[str, float], said: list[tuple[int, bool]]) -> Ints:
-    """Return what feeds EKF2, which takes positions from external navigation in place of a GPS, yaw with them."""
-    found = sources_over(time_us, {}, (), (), said)
+def _ekf2_sources(time_us: Ints, params: Mapping[str, float], reported: list[tuple[int, bool]]) -> Ints:
+    """Return the sources of EKF2, which takes positions and yaw from external navigation in place of a GPS."""
+    found = sources_over(time_us, {}, (), (), reported)
     by_extnav = found[:, ROWS.index("POSXY")] == EXTNAV
     compass = params.get("COMPASS_ENABLE", 1) != 0 and params.get("COMPASS_USE", 1) != 0
     horizontal = np.where(by_extnav, EXTNAV, int(SourceXY.GPS))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the filter of a vehicle said of itself over telemetry: EKF_STATUS_REPORT, SYS_STATUS, HEARTBEAT, texts."""
+"""The reports of a vehicle's own filter in telemetry: EKF_STATUS_REPORT, SYS_STATUS, HEARTBEAT, texts."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from viso.doctor.evidence.own_filter import (
     OwnFilter,
     VisionSensor,
     Witness,
-    said_by_filter,
+    aiding_texts,
     sources_over,
     spans_between,
 )
@@ -28,7 +28,7 @@ _SOURCE_SET: Final = re.compile(r"Using EKF Source Set (\d)")
 
 
 class FilterListener:
-    """Collects what one autopilot's messages say of its filter and of its vision sensor."""
+    """Collects what one autopilot reports about its filter and its vision sensor."""
 
     def __init__(self) -> None:
         self._reports: list[tuple[int, int, tuple[float, ...]]] = []
@@ -57,18 +57,18 @@ class FilterListener:
         elif isinstance(message, HEARTBEAT):
             self._armed.append((time_us, bool(message.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)))
 
-    def told(
+    def own_filter(
         self,
         params: Mapping[str, float],
         changes: Sequence[tuple[int, str, float]],
         texts: Sequence[tuple[int, str]],
     ) -> OwnFilter:
-        """Return what was said, of an autopilot with parameters at first; changes have time, name and new value."""
+        """Return what was collected; ``params`` are those at first, changes have time, name and new value."""
         time_us = np.array([one[0] for one in self._reports], dtype=np.int64)
         flags = np.array([one[1] for one in self._reports], dtype=np.int64)
         ratios = np.array([one[2] for one in self._reports], dtype=np.float64).reshape(-1, len(CHANNELS))
         switches = [(at, int(match[1]) - 1) for at, text in texts if (match := _SOURCE_SET.match(text))]
-        said = [(at, by_extnav) for at, by_extnav, _ in said_by_filter(texts)]
+        reported = [(at, by_extnav) for at, by_extnav, _ in aiding_texts(texts)]
         states = list(dropwhile(lambda state: not state[1], self._armed))
         return OwnFilter(
             witness=Witness.TELEMETRY,
@@ -77,7 +77,7 @@ class FilterListener:
             ratios=np.where(np.isfinite(ratios), ratios, np.nan),
             flags=flags,
             timeouts=np.zeros(len(flags), dtype=np.int64),
-            sources=sources_over(time_us, params, changes, switches, said),
+            sources=sources_over(time_us, params, changes, switches, reported),
             innovation_us=np.zeros(0, dtype=np.int64),
             innovations=np.zeros((0, len(CHANNELS))),
             armed=spans_between(states, 0, self._end_us) if self._armed else None,

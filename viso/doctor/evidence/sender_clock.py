@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What stamps are worth as a clock: what they count, and how it departs from the autopilot's, if it does."""
+"""The clock of stamps: its unit, and how it departs from the autopilot's clock, if it does."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -51,8 +51,8 @@ class SenderClock:
         departure: how.
         factor: s of the stamps in a s of the autopilot's clock, over the whole track.
         slowest, quickest: the same over stretches of some s, the extreme tenths left out.
-        steps: how often they stepped.
-        step_s: by how much, in the middle.
+        steps: how often the stamps stepped.
+        step_s: the median step.
     """
 
     departure: Departure
@@ -64,7 +64,7 @@ class SenderClock:
 
     @property
     def worst(self) -> float:
-        """By how much the factor is off 1 at most."""
+        """The largest departure of the factor from 1."""
         return max(abs(rate - 1) for rate in (self.factor, self.slowest, self.quickest))
 
 
@@ -76,7 +76,7 @@ class _Windows:
         length_s: of each.
         gain_s: what the stamps gain in it.
         messages: how many.
-        late_s: how late three of four messages come at most, and nine of ten, by the quickest around them.
+        late_s: how late three quarters and nine tenths of the messages come at most, by the quickest around them.
     """
 
     length_s: Floats
@@ -90,7 +90,7 @@ class _Windows:
 
 
 def _windows(arrival_s: Floats, stamp_s: Floats) -> _Windows | None:
-    """Return the stretches between some of the quickest messages; None if there are too few."""
+    """Return stretches between quick messages; None if there are too few."""
     count = int(np.clip((arrival_s[-1] - arrival_s[0]) / _WINDOW_S, *_WINDOWS))
     lag = arrival_s - stamp_s
     wanted = np.linspace(arrival_s[0], arrival_s[-1], count + 1)
@@ -107,7 +107,7 @@ def _windows(arrival_s: Floats, stamp_s: Floats) -> _Windows | None:
 
 
 def _steps_s(arrival_s: Floats, stamp_s: Floats, late_s: float) -> Floats:
-    """Return by how much the clock was set before each message but the first; 0 where it went on."""
+    """Return by how much the clock stepped before each message but the first; 0 where it went on."""
     gain = np.diff(stamp_s) - np.diff(arrival_s)
     off = gain - np.median(gain)
     limit = max(_LEAST_STEP_S, 2 * late_s, _SIGMAS * float(np.median(np.abs(off))))
@@ -122,7 +122,7 @@ def _steps_s(arrival_s: Floats, stamp_s: Floats, late_s: float) -> Floats:
 
 
 def _turns_s(track: Track) -> Floats:
-    """Return the steps of stamps that come from two clocks in turn, ahead and back, though messages are in order."""
+    """Return the steps ahead and back of stamps that come from two clocks in turn, though messages are in order."""
     step_s = np.diff(track.stamp_us)[np.diff(track.sequence) % 256 < 192] * 1e-6
     ahead = step_s > _LEAST_APART_S + 5 * abs(float(track.stamp_us[-1])) * 1e-6 / len(track)
     back = step_s < -_LEAST_APART_S
@@ -131,7 +131,7 @@ def _turns_s(track: Track) -> Floats:
 
 
 def _is_queue(windows: _Windows, drift_s: float, range_s: float) -> bool:
-    """Return whether messages waited: their stamps have a steady rate, and their arrivals another one at times."""
+    """Return whether messages waited in a queue: the rate of their stamps is steady, that of their arrivals is not."""
     if drift_s > 0.5 * range_s or np.any(windows.rate <= 0):
         return False
     by_arrival = windows.messages / windows.length_s
@@ -140,9 +140,9 @@ def _is_queue(windows: _Windows, drift_s: float, range_s: float) -> bool:
     return uneven[0] > max(2 * uneven[1], 0.02)
 
 
-@lru_cache(maxsize=32)  # many rules ask
+@lru_cache(maxsize=32)  # many checks ask
 def sender_clock(track: Track) -> SenderClock | None:
-    """Return how the clock of a track departs; None if it runs as the autopilot's, or nothing can be told.
+    """Return how the clock of a track departs; None if it runs as the autopilot's, or that cannot be known.
 
     A few steps are no departure, nor is a drift of less than 1 %.
     """
@@ -182,7 +182,7 @@ def sender_clock(track: Track) -> SenderClock | None:
 
 
 def stamp_rate(track: Track, parts: int = 8) -> float | None:
-    """Return by how many us the stamps advance in a us of the autopilot's clock; None if that cannot be told.
+    """Return by how many us the stamps advance per us of the autopilot's clock; None if that cannot be known.
 
     The median over pairs that lie a part of the track apart, but half a second at least: a step of the clock or a late
     message does not move it.
@@ -207,7 +207,7 @@ def is_constant(track: Track) -> bool:
 
 
 def are_us(track: Track) -> bool:
-    """Return whether the stamps count us, as far as can be told."""
+    """Return whether the stamps count us, as far as can be known."""
     rate = stamp_rate(track)
     return rate is not None and _RIGHT_UNIT[0] < rate < _RIGHT_UNIT[1]
 

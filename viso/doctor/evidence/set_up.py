@@ -36,7 +36,7 @@ class Assumed:
 
 
 def _of_older(flown: FlownVersion, known: Mapping[str, float]) -> Iterator[Assumed]:
-    """Yield what makes the vehicle here behave as a release did that lacks the parameter."""
+    """Yield parameters that make the vehicle of the trial behave as an older release."""
     if not flown.reads_quality:
         yield Assumed("VISO_QUAL_MIN", -1, "before 4.6 no quality is read")
     if flown.has_sources:
@@ -126,9 +126,9 @@ def vision_carried(stream: Stream) -> frozenset[str]:
 
 
 def fitting(names: Collection[str], known: Collection[str]) -> list[Assumed]:
-    """Return what a vehicle needs for external navigation by messages of some names; nothing if there are none.
+    """Return the parameters that a vehicle needs for external navigation by messages of some names.
 
-    Left out are parameters whose names are known, and all sources if one is.
+    Known parameters are left out, and all sources if one of them is known.
     """
     if not names:
         return []

@@ -33,7 +33,7 @@ _FEWEST_REFUSED: Final = 5
 
 @dataclass(frozen=True, slots=True)
 class FrameKind:
-    """The frames of a type from a sender: how many are sound, and the numbers, from 1, of those that were refused."""
+    """The frames of one type and sender: how many are sound, and the numbers, from 1, of the refused ones."""
 
     name: str
     system_id: int
@@ -60,7 +60,7 @@ class StreamData:
         motions: path and velocities of each sender, side by side.
         end_us: when the stream ends, us since boot.
         lacks: what of the messages was made up, because the recording does not hold it.
-        kinds: how many messages there are by name, the damaged by the name that they claim.
+        kinds: how many messages there are by name; damaged ones by the name in their header.
         refused: the types and senders of which frames failed their checksum.
     """
 
@@ -78,7 +78,7 @@ class StreamData:
 
 
 def stream_data(stream: Stream, messages: tuple[HandledMessage, ...]) -> StreamData:
-    """Return what a stream says, with its messages as the autopilot handled them."""
+    """Return a stream's data, with its messages as the autopilot handled them."""
     vision = vision_of(messages)
     poses, velocities = pose_tracks(vision), velocity_tracks(vision)
     arrivals_us = [one.arrival_us for one in stream.messages[-1:] if one.arrival_us is not None]
@@ -104,7 +104,7 @@ def vision_of(messages: Sequence[HandledMessage]) -> tuple[HandledMessage, ...]:
 
 
 def kinds_in(stream: Stream) -> Counter[str]:
-    """Return how many messages a stream has of each name, the damaged by the name that they claim."""
+    """Return how many messages a stream has of each name; damaged ones count by the name in their header."""
     return Counter(message_name(message_id_of(one.frame)) or "unknown" for one in stream.messages)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Messages of the stream, and what a sender's messages of one type say, as arrays over the messages."""
+"""Messages as the autopilot handled them, and the contents of a sender's messages of one type as arrays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,25 +41,25 @@ _MOST_US: Final = 1 << 62
 
 
 def timed(table: Floats) -> Floats:
-    """Return the rows whose first number, us, is a time; damage makes others up."""
+    """Return the rows whose first number, us, is a possible time; damaged records have others."""
     return np.asarray(table[np.abs(table[:, 0]) < _MOST_US], dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
 class HandledMessage:
-    """A message, or bytes that are none.
+    """A message of the stream, or bytes that are none, and what the autopilot did with it.
 
     Attributes:
         number: in the stream, from 1.
         arrival_us: when the autopilot handled it, us since boot.
-        system_id, component_id, sequence: of its header; 0 of bytes that are no frame.
-        version: of MAVLink; 0 of bytes that are no frame.
-        name: MAVLink's name of it; BAD_DATA of bytes that are no frame.
-        message: what it says, if its type is one of ours.
-        frame: its bytes; empty of bytes that are no frame.
-        verdict: what the autopilot made of it.
-        records: the VISO, VISP and VISV records that it made.
-        samples: those that it handed to the filter, with their fates.
+        system_id, component_id, sequence: of its header; 0 for bytes that are no frame.
+        version: of MAVLink; 0 for bytes that are no frame.
+        name: MAVLink's name of it; BAD_DATA for bytes that are no frame.
+        message: its contents, if its type is one of ours.
+        frame: its bytes; empty for bytes that are no frame.
+        verdict: the autopilot's.
+        records: the VISO, VISP and VISV records that it caused.
+        samples: those that were handed to the filter, with their outcomes.
     """
 
     number: int
@@ -82,13 +82,13 @@ class HandledMessage:
 
     @property
     def is_taken(self) -> bool:
-        """Whether it got as far as the backend, so that it counts for health."""
+        """Whether it reached the backend, so that it counts for health."""
         return self.verdict.outcome in (Outcome.ACCEPTED, Outcome.IGNORED)
 
 
 @dataclass(frozen=True, slots=True)
 class Sender:
-    """Who sends what: the ids of a system and a component, and the name of the message."""
+    """The sender of one type of messages: the ids of system and component, and the messages' name."""
 
     system_id: int
     component_id: int
@@ -129,13 +129,13 @@ class Track:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Poses:
-    """What the messages of a track say of the pose.
+    """The poses in the messages of a track.
 
     Attributes:
         track: the messages.
         pos_m: N x 3, as sent.
-        quat_wxyz: N x 4, of Euler angles or as sent.
-        euler_rad: N x 3, roll, pitch, yaw as sent; None of messages that carry a quaternion.
+        quat_wxyz: N x 4, from Euler angles or as sent.
+        euler_rad: N x 3, roll, pitch, yaw as sent; None for messages that carry a quaternion.
         covariance: N x 21, as sent.
         reset_counter: N; 0 where the message carries none.
         quality: N; 0 where the message carries none.
@@ -152,21 +152,21 @@ class Poses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Velocities:
-    """What the messages of a track say of the velocity.
+    """The velocities in the messages of a track.
 
     Attributes:
         track: the messages.
-        told: N x 3, m/s as sent.
+        sent: N x 3, m/s as sent.
         used: N x 3, m/s as the autopilot understands it: NED, that of ODOMETRY turned by its quaternion.
     """
 
     track: Track
-    told: Floats
+    sent: Floats
     used: Floats
 
 
 def stamp_of(message: object) -> int:
-    """Return the stamp of a message as sent; 0 of one that has none."""
+    """Return the stamp of a message as sent; 0 if it has none."""
     return int(getattr(message, "usec", None) or getattr(message, "time_usec", 0) or 0)
 
 
@@ -182,13 +182,13 @@ def track_of(
     return Track(sender, _ints(numbers), _ints(arrival_us), _ints(since_first), stamps[0], _ints(sequence))
 
 
-def _track(sender: Sender, seen: Sequence[HandledMessage]) -> Track:
+def _track(sender: Sender, handled: Sequence[HandledMessage]) -> Track:
     return track_of(
         sender,
-        [one.number for one in seen],
-        [one.arrival_us for one in seen],
-        [stamp_of(one.message) for one in seen],
-        [one.sequence for one in seen],
+        [one.number for one in handled],
+        [one.arrival_us for one in handled],
+        [stamp_of(one.message) for one in handled],
+        [one.sequence for one in handled],
     )
 
 
@@ -203,7 +203,7 @@ def grouped(messages: Sequence[HandledMessage], types: tuple[type, ...]) -> dict
 
 def stamped_tracks(messages: Sequence[HandledMessage]) -> tuple[Track, ...]:
     """Return the tracks of all messages whose stamps the autopilot reads."""
-    return tuple(_track(sender, seen) for sender, seen in grouped(messages, STAMPED_TYPES).items())
+    return tuple(_track(sender, handled) for sender, handled in grouped(messages, STAMPED_TYPES).items())
 
 
 def euler_of_quat(quat_wxyz: Floats) -> Floats:
@@ -220,18 +220,18 @@ def euler_of_quat(quat_wxyz: Floats) -> Floats:
 
 
 def reordered(quat_wxyz: Floats) -> Floats:
-    """Return N x 4 quaternions whose numbers stood in the order x, y, z, w, in the order w, x, y, z."""
+    """Return N x 4 quaternions that were in the order x, y, z, w, in the order w, x, y, z."""
     return np.roll(quat_wxyz, 1, axis=1)
 
 
 def down_in_body(euler_rad: Floats) -> Floats:
-    """Return N x 3 the world's down in body axes, of roll, pitch and yaw."""
+    """Return N x 3 unit vectors down in body axes, from N x 3 roll, pitch and yaw."""
     roll, pitch = euler_rad[:, 0], euler_rad[:, 1]
     return np.column_stack((-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)))
 
 
 def rotated(quat_wxyz: Floats, vectors: Floats) -> Floats:
-    """Return N x 3 vectors turned by N x 4 quaternions as the firmware does it, of whatever norm."""
+    """Return N x 3 vectors rotated by N x 4 quaternions of any norm, as the firmware does it."""
     with np.errstate(all="ignore"):
         w, axis = quat_wxyz[:, :1], quat_wxyz[:, 1:]
         twice = 2 * np.cross(axis, vectors)
@@ -239,14 +239,14 @@ def rotated(quat_wxyz: Floats, vectors: Floats) -> Floats:
 
 
 def covariance_of(message: object) -> tuple[float, ...] | None:
-    """Return the 21 numbers of a pose's covariance as sent; None of a message that has no pose."""
+    """Return the 21 numbers of a pose's covariance as sent; None for a message without a pose."""
     if not isinstance(message, POSE_TYPES):
         return None
     return message.pose_covariance if isinstance(message, ODOMETRY) else message.covariance
 
 
-def _poses(sender: Sender, seen: Sequence[HandledMessage]) -> Poses:
-    messages = [one.message for one in seen]
+def _poses(sender: Sender, handled: Sequence[HandledMessage]) -> Poses:
+    messages = [one.message for one in handled]
     pos_m = np.array([(m.x, m.y, m.z) for m in messages if isinstance(m, POSE_TYPES)], dtype=np.float64)
     euler_rad = None
     if isinstance(messages[0], _EULER_TYPES):
@@ -256,7 +256,7 @@ def _poses(sender: Sender, seen: Sequence[HandledMessage]) -> Poses:
     else:
         quat_wxyz = np.array([m.q for m in messages if isinstance(m, ATT_POS_MOCAP | ODOMETRY)], np.float64)
     return Poses(
-        _track(sender, seen),
+        _track(sender, handled),
         pos_m,
         quat_wxyz,
         euler_rad,
@@ -267,25 +267,25 @@ def _poses(sender: Sender, seen: Sequence[HandledMessage]) -> Poses:
 
 
 def pose_tracks(messages: Sequence[HandledMessage]) -> tuple[Poses, ...]:
-    """Return what each sender's messages of each type say of the pose."""
-    return tuple(_poses(sender, seen) for sender, seen in grouped(messages, POSE_TYPES).items())
+    """Return the poses of each sender and type of message."""
+    return tuple(_poses(sender, handled) for sender, handled in grouped(messages, POSE_TYPES).items())
 
 
-def _velocities(sender: Sender, seen: Sequence[HandledMessage]) -> Velocities:
-    messages = [one.message for one in seen]
+def _velocities(sender: Sender, handled: Sequence[HandledMessage]) -> Velocities:
+    messages = [one.message for one in handled]
     if isinstance(messages[0], ODOMETRY):
         odometry = [m for m in messages if isinstance(m, ODOMETRY)]
-        told = np.array([(m.vx, m.vy, m.vz) for m in odometry], dtype=np.float64)
-        used = rotated(np.array([m.q for m in odometry], dtype=np.float64), told)
+        sent = np.array([(m.vx, m.vy, m.vz) for m in odometry], dtype=np.float64)
+        used = rotated(np.array([m.q for m in odometry], dtype=np.float64), sent)
     else:
         speeds = [m for m in messages if isinstance(m, VISION_SPEED_ESTIMATE)]
-        told = used = np.array([(m.x, m.y, m.z) for m in speeds], dtype=np.float64)
-    return Velocities(_track(sender, seen), told, used)
+        sent = used = np.array([(m.x, m.y, m.z) for m in speeds], dtype=np.float64)
+    return Velocities(_track(sender, handled), sent, used)
 
 
 def velocity_tracks(messages: Sequence[HandledMessage]) -> tuple[Velocities, ...]:
-    """Return what each sender's messages of each type say of the velocity."""
-    return tuple(_velocities(sender, seen) for sender, seen in grouped(messages, VELOCITY_TYPES).items())
+    """Return the velocities of each sender and type of message."""
+    return tuple(_velocities(sender, handled) for sender, handled in grouped(messages, VELOCITY_TYPES).items())
 
 
 def median_of(values: Floats) -> float:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the autopilot itself said in a stream: its attitude, height, parameters and texts."""
+"""What a recording holds of the vehicle itself: attitude, height, position, parameters, texts, its filter."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -42,13 +42,13 @@ _LOG_ENDINGS: Final = (".bin", ".bin.xz")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AttitudeSeries:
-    """The vehicle's attitude over time by its own account.
+    """The vehicle's attitude over time, as it reports it.
 
     Attributes:
         time_us: N, us since boot.
         euler_rad: N x 3, roll, pitch, yaw.
-        origin: what tells it, such as ATT.
-        follows_stream: whether its yaw may come from external navigation: that it agrees proves nothing then.
+        origin: the record or message, such as ATT.
+        follows_stream: whether its yaw may come from external navigation; then it agrees with the stream anyway.
     """
 
     time_us: Ints
@@ -60,7 +60,7 @@ class AttitudeSeries:
         return len(self.time_us)
 
     def at(self, time_us: Ints) -> Floats:
-        """Return roll, pitch, yaw at some times, between neighbours; NaN before the first and after the last."""
+        """Return roll, pitch, yaw interpolated at some times; NaN before the first and after the last."""
         unwrapped = np.unwrap(self.euler_rad, axis=0)
         columns = [np.interp(time_us, self.time_us, unwrapped[:, axis], left=np.nan, right=np.nan) for axis in range(3)]
         return np.column_stack(columns)
@@ -68,13 +68,13 @@ class AttitudeSeries:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeightSeries:
-    """The vehicle's height at N times since boot by its own account, from wherever it counts."""
+    """The vehicle's height at N times since boot, as it reports it; its zero is arbitrary."""
 
     time_us: Ints
     down_m: Floats
 
     def at(self, time_us: Ints) -> Floats:
-        """Return m down at some times, between neighbours; NaN before the first and after the last."""
+        """Return m down interpolated at some times; NaN before the first and after the last."""
         return np.asarray(np.interp(time_us, self.time_us, self.down_m, left=np.nan, right=np.nan), dtype=np.float64)
 
 
@@ -90,24 +90,23 @@ class ParamChange:
 
 @dataclass(frozen=True, slots=True)
 class VehicleData:
-    """What an autopilot said.
+    """What a recording holds of the vehicle.
 
     Attributes:
-        system_id: its own; None if no heartbeat of one was heard.
-        attitude, height: None if it said nothing of it.
-        params: the first value heard of each.
-        changes: of parameters that were heard more than once.
+        system_id: its own; None if no heartbeat of an autopilot was heard.
+        attitude, height: as it reports them; None if it does not.
+        params: the first reported value of each.
+        changes: of parameters that were reported more than once.
         texts: time in us since boot, severity, text.
-        has_all_params: whether a whole list was heard.
-        position: what it said of its place, if that does not come from the stream itself.
-        own_filter: what its filter said of itself; None without an autopilot.
-        vision: the names of the messages of external navigation that came whole, whoever sent them.
-        level: likewise of its height.
+        has_all_params: whether a complete list was reported.
+        position, level: its position and height from sources other than the stream; None if there are none.
+        own_filter: what its own filter reported; None without an autopilot.
+        vision: the names of the messages of external navigation that came whole, from any sender.
         truth: the attitude by a simulator.
         is_simulated: whether it flies in a simulator.
         clock: how its clock ran against that of the recording; None if alike.
-        ground: what flow sensors and range finders said, those of companions too.
-        are_stamps_steady: whether the clocks of those who send external navigation run as the recording's.
+        ground: the data of flow sensors and range finders, also of companions.
+        are_stamps_steady: whether the clocks of the senders of external navigation run as the recording's.
     """
 
     system_id: int | None = None
@@ -191,10 +190,10 @@ class _Listener:
         elif isinstance(message, STATUSTEXT):
             self._texts.setdefault(sender, []).append((time_us, message.severity, message.text))
 
-    def told(self, given: Mapping[str, float]) -> VehicleData:
+    def vehicle(self, given: Mapping[str, float]) -> VehicleData:
         are_steady = all(sender_clock(_track(whose, rows)) is None for whose, rows in self._stamps.items())
         if self.system_id is None:
-            return VehicleData(are_stamps_steady=are_steady, ground=self._ground.told(None, given))
+            return VehicleData(are_stamps_steady=are_steady, ground=self._ground.sensors(None, given))
         heard = self._params[self.system_id].told()
         first, changes = _values(heard)
         texts = tuple(self._texts.get(self.system_id, []))
@@ -210,8 +209,8 @@ class _Listener:
             changes,
             texts,
             has_all_params=heard.has_all,
-            position=places.told(params),
-            own_filter=self._filters[self.system_id].told(
+            position=places.position(params),
+            own_filter=self._filters[self.system_id].own_filter(
                 first, new_values, [(time_us, text) for time_us, _, text in texts]
             ),
             level=places.level(params),
@@ -219,7 +218,7 @@ class _Listener:
             is_simulated=truth is not None or is_of_simulator(first),
             are_stamps_steady=are_steady,
             clock=boot_clock([row[:2] for row in self._attitudes.get(self.system_id, [])]),
-            ground=self._ground.told(self.system_id, {**first, **given}),
+            ground=self._ground.sensors(self.system_id, {**first, **given}),
         )
 
 
@@ -249,7 +248,7 @@ def _series(heard: list[tuple[int, int, float, float, float]]) -> AttitudeSeries
     table = table[np.isfinite(table).all(axis=1)]
     if len(table) < 2:
         return None
-    # Its own clock is free of the link's jitter; the least delay ties it to the times of arrival.
+    # Its own clock has no jitter of the link; the least delay ties it to the times of arrival.
     time_us = table[:, 1] + np.min(table[:, 0] - table[:, 1])
     order = np.argsort(time_us, kind="stable")
     return AttitudeSeries(time_us[order].astype(np.int64), table[order, 2:])
@@ -273,9 +272,9 @@ def _heights(heard: list[tuple[int, float]]) -> HeightSeries | None:
 
 
 def listen(stream: Stream, given: Mapping[str, float] = MappingProxyType({})) -> VehicleData:
-    """Return what an autopilot says in a stream; of several, the one that is heard first.
+    """Return what an autopilot reports in a stream; of several, the one that is heard first.
 
-    Parameters that are given win over those heard.
+    Given parameters win over those heard.
     """
     codec, listener, time_us, number, vision = Codec(0, 0), _Listener(), 0, 0, set[str]()
     for message in stream.messages:
@@ -287,7 +286,7 @@ def listen(stream: Stream, given: Mapping[str, float] = MappingProxyType({})) ->
                 listener.take(time_us, number, received.header, received.message)
                 if type(received.message) in VISION_MESSAGES:
                     vision.add(received.header.name)
-    return replace(listener.told({**stream.params, **given}), vision=frozenset(vision))
+    return replace(listener.vehicle({**stream.params, **given}), vision=frozenset(vision))
 
 
 def is_log(path: Path) -> bool:
@@ -296,7 +295,7 @@ def is_log(path: Path) -> bool:
 
 
 def vehicle_of_log(path: Path) -> VehicleData:
-    """Return what a DataFlash log has of the vehicle; nothing of a file of another kind, or that cannot be read."""
+    """Return what a DataFlash log holds of the vehicle; nothing for another kind of file, or an unreadable one."""
     try:
         return vehicle_in(path, read_columns(path)) if is_log(path) else VehicleData()
     except InputError:
@@ -304,9 +303,9 @@ def vehicle_of_log(path: Path) -> VehicleData:
 
 
 def vehicle_in(path: Path, log: LogColumns) -> VehicleData:
-    """Return what a DataFlash log that has been read has of the vehicle."""
+    """Return what a DataFlash log that has been read holds of the vehicle."""
     truth = truth_in(log)
-    told = VehicleData(
+    data = VehicleData(
         position=position_in(log),
         own_filter=own_filter_in(log),
         level=level_in(log),
@@ -316,7 +315,7 @@ def vehicle_in(path: Path, log: LogColumns) -> VehicleData:
     try:
         states = recorded_states(path, log)
     except InputError:  # without ATT
-        return told
+        return data
     att = timed(np.column_stack([states.att_time_us, states.att_rpy_deg]))
     attitude = None
     if len(att):
@@ -324,4 +323,4 @@ def vehicle_in(path: Path, log: LogColumns) -> VehicleData:
         attitude = AttitudeSeries(att[:, 0].astype(np.int64), rpy_rad, "ATT", follows_yaw(params_in(log)))
     position = timed(np.column_stack([states.pos_time_us, states.pos_ned]))
     height = HeightSeries(position[:, 0].astype(np.int64), position[:, 3]) if len(position) > 1 else None
-    return replace(told, attitude=attitude, height=height)
+    return replace(data, attitude=attitude, height=height)

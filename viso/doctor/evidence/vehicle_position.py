@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the vehicle was, by something that does not navigate by the stream itself.
+"""The vehicle's position and height, from sources that do not navigate by the stream itself.
 
-A position that the autopilot's filter made of the stream agrees with it whatever the stream says, and proves nothing:
-only a simulator's truth, a GPS's own fixes, a barometer, or a filter that takes nothing from external navigation count.
+A position that the autopilot's filter computed from the stream agrees with the stream in any case. So only these count:
+a simulator's truth, a GPS's own fixes, a barometer, or a filter that takes nothing from external navigation.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -62,13 +62,13 @@ Place = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PositionSeries:
-    """The vehicle's place over time.
+    """The vehicle's position over time.
 
     Attributes:
-        origin: what tells it, such as GPS_RAW_INT.
+        origin: the record or message, such as GPS_RAW_INT.
         time_us: N, us since boot.
-        ned_m: N x 3, from wherever it counts; NaN for down where nothing tells it.
-        noise_m: by how much it wanders while the vehicle stands.
+        ned_m: N x 3, from an arbitrary origin; NaN for down where it is not known.
+        noise_m: how much it wanders while the vehicle stands.
     """
 
     origin: str
@@ -79,13 +79,13 @@ class PositionSeries:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LevelSeries:
-    """The vehicle's height over time, by something that does not take it from the stream.
+    """The vehicle's height over time, from a source other than the stream.
 
     Attributes:
-        origin: what tells it, such as BARO.
+        origin: the record or message, such as BARO.
         time_us: N, us since boot.
-        down_m: N, from wherever it counts.
-        noise_m: by how much it wanders while the vehicle keeps its height.
+        down_m: N, from an arbitrary origin.
+        noise_m: how much it wanders while the vehicle keeps its height.
     """
 
     origin: str
@@ -95,7 +95,7 @@ class LevelSeries:
 
 
 def ned_of_degrees(places: Floats) -> Floats:
-    """Return N x 3 m north, east and down of the first, of latitude and longitude in degrees and altitude in m."""
+    """Return N x 3 m north, east and down of the first row, from N x 3 latitude and longitude in deg, altitude in m."""
     first = places[0]
     scale = _LATLON_TO_M * 1e7
     north, east = (places[:, :2] - first[:2]).T * scale
@@ -103,7 +103,7 @@ def ned_of_degrees(places: Floats) -> Floats:
 
 
 def sources_of(values: Iterable[tuple[str, float]]) -> dict[str, float]:
-    """Return parameters by name, of values in the order of time; a source that was the stream once remains so."""
+    """Return parameters by name, from values in the order of time; a source that was the stream once remains so."""
     params: dict[str, float] = {}
     for name, value in values:
         if params.get(name) != EXTNAV or name not in _SOURCES:
@@ -114,7 +114,7 @@ def sources_of(values: Iterable[tuple[str, float]]) -> dict[str, float]:
 def is_independent(
     params: Mapping[str, float], names: Sequence[str] = _OF_PATH, sets: Iterable[int] = SOURCE_SETS
 ) -> bool:
-    """Return whether the filter is known to take nothing of some sources from external navigation in some sets."""
+    """Return whether, in some source sets, external navigation is known to be none of the named sources."""
     used = [params.get(f"EK3_SRC{number}_{name}") for number in sets for name in names]
     return "EK3_SRC1_POSXY" in params and EXTNAV not in used
 
@@ -126,10 +126,10 @@ def follows_yaw(params: Mapping[str, float]) -> bool:
 
 
 class PositionListener:
-    """Collects what one autopilot's messages say of its place."""
+    """Collects what one autopilot reports about its position and height."""
 
     def __init__(self) -> None:
-        self._places: dict[str, list[Place]] = {name: [] for name in _TOLD}
+        self._places: dict[str, list[Place]] = {name: [] for name in _PLACES}
         self._levels: dict[str, list[tuple[float, float]]] = {"SIM_STATE": [], "SCALED_PRESSURE": [], "VFR_HUD": []}
         self._accuracy_m: list[float] = []
         self._navigates, self._is_in_air = True, True
@@ -164,13 +164,13 @@ class PositionListener:
         north, east, down = place
         self._places[name].append((float(time_us), north, east, down))
 
-    def told(self, params: Mapping[str, float]) -> PositionSeries | None:
-        """Return the best that does not depend on the stream, by the autopilot's parameters; None if nothing is."""
+    def position(self, params: Mapping[str, float]) -> PositionSeries | None:
+        """Return the best position that, by the parameters, does not depend on the stream; None if there is none."""
         accuracy_m = float(np.median(self._accuracy_m)) if self._accuracy_m else 0.0
         return _best(self._places, params, accuracy_m)
 
     def level(self, params: Mapping[str, float]) -> LevelSeries | None:
-        """Return the best height likewise."""
+        """Return the best height that does not depend on the stream; None if there is none."""
         levels = {name: np.array(rows, np.float64).reshape(-1, 2) for name, rows in self._levels.items()}
         pressure = levels["SCALED_PRESSURE"]
         pressure = pressure[pressure[:, 1] > 0]
@@ -179,7 +179,7 @@ class PositionListener:
         return _best_level({**levels, "SCALED_PRESSURE": pressure}, params)
 
 
-_TOLD: Final = ("SIM_STATE", "SIMSTATE", "GPS_RAW_INT", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED")
+_PLACES: Final = ("SIM_STATE", "SIMSTATE", "GPS_RAW_INT", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED")
 # Of the standard atmosphere: height by a share of the pressure below.
 _STANDARD_M: Final = 44330.0
 _STANDARD_POWER: Final = 0.1903
@@ -225,7 +225,7 @@ def _best_level(levels: Mapping[str, Floats], params: Mapping[str, float]) -> Le
 
 
 def _places(log: LogColumns, kind: str, labels: Sequence[str], only: tuple[str, Callable[[Any], Any]] | None) -> Floats:
-    """Return time and place of the records of a type, those only whose field passes a test; none without all fields."""
+    """Return times and fields of the records of a type whose field passes a test; none if a field is missing."""
     wanted = ("TimeUS", *labels) if only is None else ("TimeUS", *labels, only[0])
     layout = log.types.get(kind)
     if layout is None or not set(wanted) <= set(layout.labels):
@@ -245,7 +245,7 @@ def _is_primary(log: LogColumns, kind: str, count: int) -> Bools:
 
 
 def _filter_places(log: LogColumns, params: Mapping[str, float]) -> Floats:
-    """Return time and place of the first core where it navigated by something else than the stream."""
+    """Return times and positions of the first core while it navigated by other sources than the stream."""
     table = _places(log, "XKF1", ("PN", "PE", "PD"), ("C", lambda core: core == _CORE))
     if not len(table):
         return table
@@ -265,13 +265,13 @@ def _states(log: LogColumns, kind: str) -> Floats:
 
 
 def _at(states: Floats, time_us: Floats) -> Ints:
-    """Return the latest of some states at some times; 0 before the first."""
+    """Return the latest state at some times; 0 before the first."""
     latest = np.searchsorted(states[:, 0], time_us, side="right")
     return np.asarray(np.concatenate([[0], states[:, 1]])[latest], dtype=np.int64)
 
 
 def position_in(log: LogColumns) -> PositionSeries | None:
-    """Return where a log says that the vehicle was: SIM, GPS, or XKF1 and POS if its parameters allow it."""
+    """Return the position in a log: by SIM, GPS, or XKF1 and POS if the parameters allow it."""
     of_earth = "Lat", "Lng", "Alt"
     params = params_in(log)
     accuracy = _places(log, "GPA", ("HAcc",), None)[:, 1]
@@ -285,7 +285,7 @@ def position_in(log: LogColumns) -> PositionSeries | None:
 
 
 def level_in(log: LogColumns) -> LevelSeries | None:
-    """Return the height that a log tells by a simulator's truth, a barometer, or a filter that takes it from those."""
+    """Return the height in a log: by a simulator's truth, a barometer, or a filter that does not use the stream."""
     levels = {
         "SIM": _places(log, "SIM", ("Alt",), None),
         "BARO": _places(log, "BARO", ("Alt",), None),
@@ -297,7 +297,7 @@ def level_in(log: LogColumns) -> LevelSeries | None:
 
 
 def truth_in(log: LogColumns) -> Floats | None:
-    """Return time, roll, pitch and yaw in degrees, N x 4, by a simulator; None of a log of a real flight."""
+    """Return time, roll, pitch and yaw in degrees, N x 4, by a simulator; None for a log of a real flight."""
     truth = timed(_places(log, "SIM", ("Roll", "Pitch", "Yaw"), None))
     return truth if len(truth) >= _FEWEST else None
 

@@ -18,7 +18,7 @@ _NUMBERS_IN_SARIF: Final = 100
 
 
 def as_json(evidence: Evidence, summary: Summary, findings: Sequence[Finding]) -> dict[str, object]:
-    """Return everything for machines."""
+    """Return evidence, summary and findings as JSON has them."""
     return {
         "stream": evidence.stream.name,
         "firmware": evidence.set_up.firmware.name,
@@ -30,7 +30,7 @@ def as_json(evidence: Evidence, summary: Summary, findings: Sequence[Finding]) -
 
 
 def whole_text(finding: Finding) -> str:
-    """Return a finding as one paragraph: what was seen, by what witness, what the autopilot does, what to do."""
+    """Return a finding as one paragraph: the evidence, its witness, what the autopilot does, what to do."""
     return f"{finding.evidence}. (Witness: {finding.witness.value}.) {finding.firmware} Fix: {finding.fix}"
 
 
@@ -69,7 +69,7 @@ def _sarif_result(finding: Finding, index: int, file: str) -> dict[str, object]:
 
 
 def as_sarif(file: str, version: str, checks: Sequence[Check], findings: Iterable[Finding]) -> dict[str, object]:
-    """Return findings of some checks in a file, as the user named it, as SARIF; its levels are those of findings."""
+    """Return the findings of some checks as SARIF; ``file`` is the name that the user gave."""
     index = {check.code: number for number, check in enumerate(checks)}
     return {
         "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
@@ -84,7 +84,7 @@ def as_sarif(file: str, version: str, checks: Sequence[Check], findings: Iterabl
 
 
 def as_junit(file: str, checks: Sequence[Check], findings: Sequence[Finding], fail_on: Severity) -> str:
-    """Return findings as JUnit XML: a test case a check, which fails with findings at or above a severity.
+    """Return findings as JUnit XML: one test case per check, which fails with findings at or above a severity.
 
     Findings below it are in the output of their case. XML cannot hold control characters: they are spelled out.
     """

@@ -14,8 +14,8 @@ from ap_core.verdict import Outcome
 from ekf_stub.reports import AidingMode
 from viso.doctor.checks import limits
 from viso.doctor.evidence.evidence import Evidence
-from viso.doctor.evidence.lags import lateness_ms, tells_lags
-from viso.doctor.evidence.own_filter import CHANNELS, NOT_TOLD, OwnFilter, Witness, source_name
+from viso.doctor.evidence.lags import lateness_ms, shows_lags
+from viso.doctor.evidence.own_filter import CHANNELS, NOT_KNOWN, OwnFilter, Witness, source_name
 from viso.streams.stream_kinds import Aspect
 from viso.vehicle.outcomes.labels import Fate, fate_of
 
@@ -24,7 +24,7 @@ LAG_EDGES_MS: Final = (5, 10, 20, 50, 100, 200, 500)
 
 @dataclass(frozen=True, slots=True)
 class Lags:
-    """How much later than the quickest messages around them others of a type arrive, by their stamps.
+    """How late messages of one type arrive by their stamps, compared with the quickest messages around them.
 
     Attributes:
         sender: who sends what.
@@ -40,16 +40,16 @@ class Lags:
 
 
 @dataclass(frozen=True, slots=True)
-class OwnWords:
-    """What the filter of the vehicle that really flew said of itself.
+class OwnFilterSummary:
+    """What the recorded vehicle's own filter reported.
 
     Attributes:
         witness: a log or telemetry.
-        record: what tells it, such as XKF4.
+        record: such as XKF4.
         running_s: for how long it had an attitude.
-        positioned_s: of that with a position, or a velocity, by external navigation.
+        positioned_s: the part of it with a position, or a velocity, by external navigation.
         worst: the largest square root of a test ratio by channel, while the filter could use its source.
-        sources: what fed those channels, at last, as far as it is known.
+        sources: the last source of those channels, as far as it is known.
     """
 
     witness: Witness
@@ -67,14 +67,14 @@ class Summary:
     Attributes:
         outcomes: messages by type and outcome, external navigation only.
         rate_hz: of messages by type.
-        samples: in the filter by kind and fate, a model's opinion but for the refused.
-        healthy_from_us: when the first message was taken; None if none was.
+        samples: in the filter by kind and outcome; a model's opinion, except for refused ones.
+        healthy_from_us: when the first message was accepted or ignored; None if none was.
         unhealthy: how often the sensor turned unhealthy before the end.
         aiding_from_us: when the filter would navigate by it first, a model's opinion; None if never.
         aiding_until_us: when it would stop for good; None if it never starts or goes on to the end.
-        lags: of each sender's messages of each type; none if the recording does not tell when they arrived, or the
-            sender's clock does not run as the autopilot's.
-        own: what the vehicle's own filter said; None if no vehicle is heard, or it says nothing of its filter.
+        lags: of each sender's messages of each type; none if the recording has no times of arrival, or the sender's
+            clock does not run as the autopilot's.
+        own: what the vehicle's own filter reported; None if nothing is recorded of it.
     """
 
     outcomes: Mapping[tuple[str, Outcome], int]
@@ -85,7 +85,7 @@ class Summary:
     aiding_from_us: int | None
     aiding_until_us: int | None
     lags: tuple[Lags, ...]
-    own: OwnWords | None = None
+    own: OwnFilterSummary | None = None
 
     def as_dict(self) -> dict[str, object]:
         """Return the summary for machine-readable output."""
@@ -118,22 +118,22 @@ class Summary:
         }
 
 
-def _own_words(own: OwnFilter | None) -> OwnWords | None:
+def _own_filter_summary(own: OwnFilter | None) -> OwnFilterSummary | None:
     if own is None or not own.record:
         return None
     step_s, usable = own.step_s, own.usable
     worst = np.nanmax(np.where(usable & np.isfinite(own.ratios), own.ratios, -1.0), axis=0, initial=-1.0)
-    told = {name: round(value, 2) for name, value in zip(CHANNELS, worst.tolist(), strict=True) if value >= 0}
-    by = {name: own.source(number) for number, name in enumerate(CHANNELS) if name in told}
-    sources = {name: source_name(CHANNELS.index(name), one) for name, one in by.items() if one != NOT_TOLD}
+    largest = {name: round(value, 2) for name, value in zip(CHANNELS, worst.tolist(), strict=True) if value >= 0}
+    by = {name: own.source(number) for number, name in enumerate(CHANNELS) if name in largest}
+    sources = {name: source_name(CHANNELS.index(name), one) for name, one in by.items() if one != NOT_KNOWN}
     running_s, positioned_s = (float(step_s[mask].sum()) for mask in (own.running, own.uses_extnav))
-    return OwnWords(own.witness, own.record, running_s, positioned_s, told, sources)
+    return OwnFilterSummary(own.witness, own.record, running_s, positioned_s, largest, sources)
 
 
 def _lags(evidence: Evidence) -> tuple[Lags, ...]:
     found = []
     for track in evidence.stream.tracks:
-        if tells_lags(track):
+        if shows_lags(track):
             lag = lateness_ms(track)
             counts = np.bincount(np.searchsorted(LAG_EDGES_MS, lag, side="right"), minlength=len(LAG_EDGES_MS) + 1)
             median, high = (float(value) for value in np.quantile(lag, [0.5, 0.99]))
@@ -170,5 +170,5 @@ def summarise(evidence: Evidence) -> Summary:
         aiding_from_us=aided[0].start_us if aided else None,
         aiding_until_us=aided[-1].end_us if aided and not goes_on else None,
         lags=() if Aspect.ARRIVAL in evidence.stream.lacks else _lags(evidence),
-        own=_own_words(evidence.vehicle.own_filter),
+        own=_own_filter_summary(evidence.vehicle.own_filter),
     )

@@ -22,9 +22,9 @@ _OUTCOMES: Final = (Outcome.ACCEPTED, Outcome.IGNORED, Outcome.DROPPED)
 
 
 def finding_lines(finding: Finding, width: int | None) -> Iterator[Text]:
-    """Yield what is wrong, what its witness shows, what the autopilot does about it, what to do; and an empty line.
+    """Yield a finding's lines: title, evidence, what the autopilot does, what to do, and an empty line.
 
-    Lines are broken at a width, unless that is None.
+    Lines are broken at ``width``, unless it is None.
     """
     yield Text.assemble(
         (f"{finding.severity.value} {finding.code}", _STYLES[finding.severity]), (f"  {finding.title}", "bold")
@@ -49,7 +49,7 @@ def count_text(findings: Sequence[Finding]) -> str:
 
 
 def summary_table(summary: Summary) -> Table:
-    """Return what would become of the messages of external navigation."""
+    """Return a table of the outcomes of the messages of external navigation."""
     right = [Column(name, justify="right") for name in ("per second", *(outcome.value for outcome in _OUTCOMES))]
     table = Table("message", *right, title="What the autopilot would do")
     for name in sorted({name for name, _ in summary.outcomes}):
@@ -60,7 +60,7 @@ def summary_table(summary: Summary) -> Table:
 
 
 def summary_lines(summary: Summary) -> list[str]:
-    """Return the rest in a few sentences."""
+    """Return the rest of a summary in a few sentences."""
     if not summary.outcomes:
         lines = ["There is no external navigation to try."]
         return lines if summary.own is None else [*lines, _own_line(summary)]

@@ -15,7 +15,7 @@ from tests.unit.viso.doctor.evidences import changed
 from tests.unit.viso.doctor.ground_flights import Timed, evidence_of, findings_of, flight, with_fault
 from viso.doctor import CHECKS, Evidence, Finding, Severity, diagnose, gather
 from viso.doctor.evidence.flow_fit import fit_flow
-from viso.doctor.evidence.ground_sensors import FlowSeries, GroundSensors, driven
+from viso.doctor.evidence.ground_sensors import FlowSeries, GroundSensors, rates_by_driver
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.tracks import Floats
 from viso.doctor.evidence.vehicle_data import vehicle_of_log
@@ -166,7 +166,7 @@ def test_what_is_sent_in_flow_rate_alone_is_not_read(sound: Evidence) -> None:
 
 def test_driver_multiplies_by_the_time_since_the_last_flow() -> None:
     time_us = np.array([0, 100_000, 300_000, 900_000])
-    rates = driven(np.full((4, 2), (10.0, -10.0)), time_us, {"FLOW_FXSCALER": 500, "FLOW_ORIENT_YAW": 9000})
+    rates = rates_by_driver(np.full((4, 2), (10.0, -10.0)), time_us, {"FLOW_FXSCALER": 500, "FLOW_ORIENT_YAW": 9000})
     assert rates == pytest.approx(np.array([(0, 0), (1, 1.5), (2, 3), (0, 0)]))
 
 

@@ -37,7 +37,7 @@ from tests.unit.viso.doctor.own_filters import (
 )
 from tests.unit.viso.report.log_maker import LOST, LogMaker
 from viso.doctor import CHECKS, Finding, Severity, diagnose
-from viso.doctor.evidence.own_filter import NOT_TOLD, OwnFilter, Witness
+from viso.doctor.evidence.own_filter import NOT_KNOWN, OwnFilter, Witness
 from viso.doctor.evidence.own_log import own_filter_in
 from viso.doctor.evidence.vehicle_position import PositionSeries
 from viso.doctor.output.summary import summarise
@@ -353,7 +353,7 @@ def test_text_tells_the_source_where_no_parameter_does() -> None:
     rows = [(time_s, report(pos_horiz_variance=2.0 if 8 <= time_s < 15 else 0.1)) for time_s in SECONDS]
     own = heard(sorted([*said, *rows], key=lambda timed: timed[0]), {})
     assert own is not None
-    assert set(own.sources[:, 0].tolist()) == {NOT_TOLD, 6}
+    assert set(own.sources[:, 0].tolist()) == {NOT_KNOWN, 6}
     found = {one.code: one.evidence for one in found_in(own)}
     assert "position from ExtNav) was above 1 for 47 % of 15 s" in found["XN9-10"]
 

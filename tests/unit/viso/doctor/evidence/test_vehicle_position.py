@@ -137,8 +137,8 @@ def test_filter_of_unknown_sources_proves_nothing() -> None:
     for number in range(50):
         listener.take(number * 100_000, LOCAL_POSITION_NED(number, 1.0 * number, 0, 0, 0, 0, 0))
         listener.take(number * 100_000, GLOBAL_POSITION_INT(number, number, 0, 0, 0, 0, 0, 0, 0))
-    assert listener.told({}) is None
-    told = listener.told(GPS)
+    assert listener.position({}) is None
+    told = listener.position(GPS)
     assert told is not None
     assert told.origin == "GLOBAL_POSITION_INT"
 
@@ -245,7 +245,7 @@ def test_poor_gps_counts_for_less() -> None:
         listener.take(
             number * 200_000, GPS_RAW_INT(0, 3, 470_000_000, 80_000_000 + number, 0, 0, 0, 0, 0, 9, h_acc=8000)
         )
-    told = listener.told({})
+    told = listener.position({})
     assert told is not None
     assert told.noise_m == 8.0
 
