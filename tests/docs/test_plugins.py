@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The example packages, installed beside us, add a strategy, a kind of stream, a check of the doctor and a link."""
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -24,7 +25,9 @@ from tests.unit.viso.companion.vio.strategy_rig import (
 from viso import InputError, Stream, StreamMessage, read_stream
 from viso.companion import VioConfig, build_vio_strategy
 from viso.doctor import all_checks, diagnose, gather
+from viso.doctor.checks import transport
 
+EXTENDING = ROOT / "docs" / "extending.md"
 EXAMPLES = sorted((ROOT / "docs" / "examples" / "plugins").iterdir())
 
 
@@ -81,6 +84,17 @@ def test_check_of_the_doctor_finds(tmp_path: Path) -> None:
     (finding,) = [one for one in diagnose(gather(stream), all_checks()) if one.code == "WALK-01"]
     assert finding.evidence == "5 messages report more than 3 m/s"
     assert finding.message_numbers == (6, 7, 8, 9, 10)
+
+
+def test_check_on_the_page_finds() -> None:
+    (block,) = re.findall(r"```python\n(.*?)```", EXTENDING.read_text(encoding="utf-8"), re.DOTALL)
+    names = dict(vars(transport))
+    exec(block, names)
+    sender = Codec(7, 1)
+    frames = [sender.encode(VISION_SPEED_ESTIMATE(time_us, 0.0, 0.0, 0.0)) for time_us in range(0, 1_000_000, 50_000)]
+    stream = Stream("made", tuple(StreamMessage(50_000 * count, frame) for count, frame in enumerate(frames)))
+    (finding,) = diagnose(gather(stream, is_tried=False), [names["autopilot_component"]])
+    assert (finding.code, finding.evidence) == ("XN1-11", "20 messages came from component 1")
 
 
 @pytest.mark.usefixtures("installed")

@@ -19,6 +19,7 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import FEWEST
 from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
+from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _GPS: Final = 3
@@ -226,7 +227,7 @@ def too_short_to_align(evidence: Evidence) -> Iterator[Sighting]:
     fix="Start the camera where the vehicle's origin is, or fly another release; see --firmware.",
 )
 def switch_jumps(evidence: Evidence) -> Iterator[Sighting]:
-    may_switch = evidence.source("POSXY") != EXTNAV and EXTNAV in (evidence.source("POSXY", n) for n in (2, 3))
+    may_switch = evidence.source("POSXY") != EXTNAV and EXTNAV in (evidence.source("POSXY", n) for n in SOURCE_SETS[1:])
     aligns = any(evidence.set_up.firmware.visual_odom.axes_to_align(True, True))
     if evidence.viso_type in ALIGNING_TYPES and evidence.stream.poses and may_switch and not aligns:
         yield Sighting(

@@ -86,7 +86,7 @@ def errors_of_releases(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _agree(errors_by: _ErrorsByRelease, message: object, here: Firmware, other: Firmware) -> bool:
-    if isinstance(message, ATT_POS_MOCAP):  # has a rule of its own
+    if isinstance(message, ATT_POS_MOCAP):  # has a check of its own
         return True
     ours, theirs = errors_by.limited(message, here), errors_by.limited(message, other)
     if ours is None or theirs is None:

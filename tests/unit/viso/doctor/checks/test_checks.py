@@ -6,6 +6,8 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
@@ -25,7 +27,7 @@ from tests.unit.viso.doctor.evidences import (
     speed,
     stream_of,
 )
-from viso.doctor import CHECKS, Finding, Severity
+from viso.doctor import CHECKS, Check, Finding, Severity, checks
 from viso.doctor.checks import FAMILIES
 from viso.doctor.evidence.set_up import Assumed
 from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries, ParamChange, VehicleData
@@ -56,6 +58,12 @@ def test_codes_are_unique_and_in_order() -> None:
     assert codes == sorted(set(codes))
     assert all(re.fullmatch(r"XN[1-9FR]-\d\d", code) for code in codes)
     assert {check.family for check in CHECKS} == set(FAMILIES)
+
+
+def test_every_check_is_listed() -> None:
+    names = [module.name for module in iter_modules(checks.__path__, f"{checks.__name__}.")]
+    declared = [value for name in names for value in vars(import_module(name)).values() if isinstance(value, Check)]
+    assert {check.code for check in declared} == {check.code for check in CHECKS}
 
 
 def test_checks_say_what_happens_where_and_what_to_do() -> None:
