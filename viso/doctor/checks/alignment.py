@@ -17,7 +17,7 @@ from viso.doctor.checks.phrases import at, share
 from viso.doctor.evidence.compare import ALIGNING_TYPES, oriented
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
-from viso.doctor.evidence.sender_clock import FEWEST
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
 from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 
@@ -135,7 +135,7 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
         usable = np.isfinite(np.column_stack((sent, vehicle))).all(axis=1)
         usable &= ~evidence.vehicle.is_attitude_wrong(poses.track.arrival_us)
         chosen = np.flatnonzero(usable)
-        if len(chosen) >= FEWEST:
+        if len(chosen) >= FEWEST_MESSAGES:
             yield poses, chosen, sent[chosen], vehicle[chosen]
 
 

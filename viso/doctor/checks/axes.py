@@ -14,7 +14,7 @@ from viso.doctor.checks.frames import is_misordered
 from viso.doctor.evidence.compare import ALIGNING_TYPES, Comparison
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
-from viso.doctor.evidence.sender_clock import FEWEST
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
 from viso.doctor.evidence.tracks import Floats, down_in_body, euler_of_quat, reordered
 from viso.estimators.axis_rotations import BODY_WORDS, AxisMap, orient_name, rotation_matrix
 
@@ -209,7 +209,7 @@ def sinks_below_start(evidence: Evidence) -> Iterator[Sighting]:
         return
     for poses in evidence.stream.poses:
         pos = poses.pos_m[np.isfinite(poses.pos_m).all(axis=1)]
-        if len(pos) < FEWEST or np.ptp(pos[: limits.FEWEST_AT_REST], axis=0).max() > limits.REST_M:
+        if len(pos) < FEWEST_MESSAGES or np.ptp(pos[: limits.FEWEST_AT_REST], axis=0).max() > limits.REST_M:
             continue
         sunk = pos[:, 2] - pos[0, 2]
         if sunk.max() >= limits.LEAST_SINKING_M and -sunk.min() < limits.MOST_RISE_SHARE * sunk.max():
@@ -221,7 +221,7 @@ def _median_tilt(quat_wxyz: Floats, vehicle_rad: Floats) -> float:
     """Return the median angle between two attitudes' verticals in rad; NaN if too few are known."""
     sent = euler_of_quat(quat_wxyz)
     fine = np.isfinite(np.column_stack((sent, vehicle_rad))).all(axis=1)
-    if np.count_nonzero(fine) < FEWEST:
+    if np.count_nonzero(fine) < FEWEST_MESSAGES:
         return math.nan
     cosine = np.sum(down_in_body(sent[fine]) * down_in_body(vehicle_rad[fine]), axis=1)
     return float(np.median(np.arccos(np.clip(cosine, -1, 1))))

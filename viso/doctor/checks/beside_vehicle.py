@@ -12,7 +12,7 @@ from viso.doctor.checks import limits
 from viso.doctor.evidence.compare import ALIGNING_TYPES, comparison_of, oriented
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import POSITION, Witness
-from viso.doctor.evidence.sender_clock import FEWEST
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
 from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses, Sender, Track, Velocities
 from viso.doctor.evidence.vehicle_data import AttitudeSeries
 from viso.doctor.evidence.vehicle_position import PositionSeries
@@ -129,7 +129,7 @@ def reference_of(position: PositionSeries) -> tuple[Ints, Floats]:
 def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
     """Yield how the heading of each stream of poses departs from the vehicle's."""
     vehicle = evidence.vehicle.best_attitude
-    if vehicle is None or len(vehicle) < FEWEST or not is_of_one_time(evidence):
+    if vehicle is None or len(vehicle) < FEWEST_MESSAGES or not is_of_one_time(evidence):
         return
     for poses in evidence.stream.poses:
         quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
@@ -148,7 +148,7 @@ def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
         off_rad = np.zeros(len(chosen))
         for part in np.unique(parts).tolist():
             inside = parts == part
-            if np.ptp(time_us[inside]) >= limits.SHORTEST_COMPARED_US and np.count_nonzero(inside) >= FEWEST:
+            if np.ptp(time_us[inside]) >= limits.SHORTEST_COMPARED_US and np.count_nonzero(inside) >= FEWEST_MESSAGES:
                 of_vehicle = quats_from_euler(there[chosen][inside])
                 off_rad[inside] = heading_departure(quats[chosen][inside], of_vehicle)
         source = f"{vehicle.origin}, which may follow the stream" if vehicle.follows_stream else vehicle.origin
@@ -176,7 +176,7 @@ def _turning_rad(vehicle: AttitudeSeries, time_us: Ints) -> Floats:
     return np.asarray(np.abs(ends[1][:, 2] - ends[0][:, 2]) / (2e-6 * limits.TURNING_AROUND_US), dtype=np.float64)
 
 
-def leaves(heading: HeadingDeparture) -> Bools:
+def departure_mask(heading: HeadingDeparture) -> Bools:
     """Return which messages have a yaw that is wrong by more than lateness in a turn explains; none if they are few."""
     allowed = limits.HEADING_OFF_RAD + limits.HEADING_LATE_S * heading.turning_rad
     off = np.asarray(np.abs(heading.off_rad) > allowed, dtype=np.bool_)
@@ -184,9 +184,9 @@ def leaves(heading: HeadingDeparture) -> Bools:
     return mask if np.mean(mask) > limits.HEADING_OFF_SHARE else np.zeros_like(mask)
 
 
-def wanders(evidence: Evidence, sender: Sender) -> bool:
+def heading_departs(evidence: Evidence, sender: Sender) -> bool:
     """Return whether the sender's yaw departs from the vehicle's: then nothing that it rotates shows axes."""
-    return any(one.poses.track.sender == sender and leaves(one).any() for one in heading_departures(evidence))
+    return any(one.poses.track.sender == sender and departure_mask(one).any() for one in heading_departures(evidence))
 
 
 def likeness_of(evidence: Evidence, path: SentPath) -> Likeness | None:

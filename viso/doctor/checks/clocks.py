@@ -13,7 +13,7 @@ from viso.doctor.checks.phrases import at, how_often
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.lags import LEAST_JUMP_MS, STEP_BACK_US, drift_ppm, minima_of, net_drift_ppm, usable_tracks
 from viso.doctor.evidence.sender_clock import (
-    FEWEST,
+    FEWEST_MESSAGES,
     Departure,
     SenderClock,
     are_us,
@@ -57,7 +57,7 @@ def constant_stamps(evidence: Evidence) -> Iterator[Sighting]:
             continue
         runs = np.split(np.arange(len(track)), np.flatnonzero(np.diff(track.stamp_us) != 0) + 1)
         longest = max(runs, key=len, default=np.arange(0))
-        if len(longest) >= FEWEST:
+        if len(longest) >= FEWEST_MESSAGES:
             value, start = int(track.first_stamp + track.stamp_us[longest[0]]), at(track.arrival_us[longest[0]])
             text = f"the stamp stays at {value} for {len(longest)} messages, from {start} on"
             yield Sighting.in_track(f"{track.sender}: {text}", track, longest)
@@ -196,7 +196,9 @@ def clock_drift(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def two_clocks(evidence: Evidence) -> Iterator[Sighting]:
-    tracks = [track for track in evidence.stream.tracks if len(track) >= FEWEST and sender_clock(track) is None]
+    tracks = [
+        track for track in evidence.stream.tracks if len(track) >= FEWEST_MESSAGES and sender_clock(track) is None
+    ]
     offsets = [int(np.median(track.arrival_us - track.stamp_us)) - track.first_stamp for track in tracks]
     for index in range(1, len(tracks)):
         one, other = tracks[0], tracks[index]

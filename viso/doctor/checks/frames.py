@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from mav_handlers.verdicts import ODOMETRY_FRAMES
 from mav_handlers.wire.messages import ODOMETRY
 from viso.doctor.checks import limits
-from viso.doctor.checks.beside_vehicle import wanders
+from viso.doctor.checks.beside_vehicle import heading_departs
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import share
 from viso.doctor.evidence.evidence import Evidence
@@ -189,7 +189,7 @@ def _mix_up(motion: Motion) -> _Mixed | None:
 def _mixed_as(code: str, evidence: Evidence) -> Iterator[Sighting]:
     for motion in evidence.stream.motions:
         mixed = _mix_up(motion)
-        if mixed is not None and mixed.code == code and not wanders(evidence, motion.velocity_sender):
+        if mixed is not None and mixed.code == code and not heading_departs(evidence, motion.velocity_sender):
             text = f"{motion.velocity_sender} against {motion.pose_sender.name}: {mixed.text}"
             fit = f"(correlation {mixed.correlation:.2f}, as the autopilot reads them {_as_used(motion):.2f})"
             yield Sighting.in_track(f"{text} {fit}", motion, fix=mixed.fix)

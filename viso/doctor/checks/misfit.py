@@ -15,10 +15,10 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import (
     SentPath,
     aligned_us,
+    departure_mask,
     heading_departures,
     is_of_one_time,
     lasting,
-    leaves,
     likeness_of,
     paths_of_poses,
     paths_of_velocities,
@@ -66,7 +66,7 @@ def _severity_by_source(evidence: Evidence, *names: str) -> Severity | None:
 def yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
     is_aligned = evidence.viso_type in ALIGNING_TYPES and aligned_us(evidence)
     for heading in () if is_aligned else heading_departures(evidence):
-        mask = leaves(heading)
+        mask = departure_mask(heading)
         if mask.any():
             off_deg, track = np.degrees(np.abs(heading.off_rad)), heading.poses.track
             middle_deg, worst_deg = float(np.median(off_deg)), float(off_deg[mask].max())

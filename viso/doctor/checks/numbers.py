@@ -14,7 +14,7 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, masked
 from viso.doctor.evidence.evidence import Evidence
-from viso.doctor.evidence.sender_clock import FEWEST
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
 from viso.doctor.evidence.tracks import Bools, Floats, Poses
 from viso.estimators.series import stretches_of
 from viso.streams.stream_kinds import Aspect
@@ -246,7 +246,7 @@ def huge_covariance(evidence: Evidence) -> Iterator[Sighting]:
 def frozen_pose(evidence: Evidence) -> Iterator[Sighting]:
     for poses in evidence.stream.poses:
         track = poses.track
-        if len(track) < FEWEST:
+        if len(track) < FEWEST_MESSAGES:
             continue
         same = (np.diff(poses.pos_m, axis=0) == 0).all(axis=1) & (np.diff(poses.quat_wxyz, axis=0) == 0).all(axis=1)
         for first, last in stretches_of(same):

@@ -17,7 +17,7 @@ from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, listed, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
-from viso.doctor.evidence.sender_clock import FEWEST
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 
 _SOURCES: Final = "AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::pre_arm_check"
@@ -263,7 +263,7 @@ def flat_height(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.source("POSZ") != EXTNAV:
         return
     for poses in evidence.stream.poses:
-        if len(poses.track) < FEWEST or not np.isfinite(poses.pos_m).all():
+        if len(poses.track) < FEWEST_MESSAGES or not np.isfinite(poses.pos_m).all():
             continue
         moved = float(np.ptp(poses.pos_m[:, :2], axis=0).max())
         if np.ptp(poses.pos_m[:, 2]) == 0 and moved > limits.FLAT_MOVED_M:

@@ -11,7 +11,7 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import by_type, share
 from viso.doctor.evidence.evidence import Evidence
-from viso.doctor.evidence.sender_clock import FEWEST
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
 from viso.doctor.evidence.tracks import HandledMessage
 from viso.streams.stream_kinds import Aspect
 
@@ -116,7 +116,7 @@ def tracking_failed(evidence: Evidence) -> Iterator[Sighting]:
 )
 def quality_never_sent(evidence: Evidence) -> Iterator[Sighting]:
     odometry = _odometry(evidence)
-    if len(odometry) >= FEWEST and all(quality == 0 for _, quality in odometry):
+    if len(odometry) >= FEWEST_MESSAGES and all(quality == 0 for _, quality in odometry):
         yield Sighting.in_messages(
             "every ODOMETRY has quality 0, which stands for unknown", [one for one, _ in odometry]
         )

@@ -13,7 +13,7 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, share
 from viso.doctor.evidence.evidence import Evidence
-from viso.doctor.evidence.sender_clock import FEWEST, sender_clock
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, sender_clock
 from viso.doctor.evidence.tracks import HandledMessage, Track
 
 _HEALTH: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy"
@@ -40,7 +40,7 @@ def _gaps(evidence: Evidence) -> list[tuple[HandledMessage, HandledMessage, int]
 def _slow_us(evidence: Evidence) -> float:
     """Return the median time between messages if they are too few; else 0."""
     taken = _taken(evidence)
-    interval = float(np.median(np.diff([one.arrival_us for one in taken]))) if len(taken) >= FEWEST else 0.0
+    interval = float(np.median(np.diff([one.arrival_us for one in taken]))) if len(taken) >= FEWEST_MESSAGES else 0.0
     return interval if interval >= limits.SLOW_PERIOD_US else 0.0
 
 
@@ -156,7 +156,7 @@ def _median_interval_us(track: Track) -> float:
 def too_many_messages(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.stream.tracks:
         interval = _median_interval_us(track)
-        if len(track) < FEWEST or not 0 < interval < limits.FAST_PERIOD_US:
+        if len(track) < FEWEST_MESSAGES or not 0 < interval < limits.FAST_PERIOD_US:
             continue
         kind = "velocity" if track.sender.name == "VISION_SPEED_ESTIMATE" else "pose"
         offered, refused = _samples(evidence, kind)
@@ -181,7 +181,7 @@ def samples_in_pairs(evidence: Evidence) -> Iterator[Sighting]:
     odd = any(sender_clock(track) is not None for track in evidence.stream.tracks)
     for kind in () if fast or odd else ("pose", "velocity"):
         offered, refused = _samples(evidence, kind)
-        if len(offered) >= FEWEST and len(refused) > limits.TOO_SOON_SHARE * len(offered):
+        if len(offered) >= FEWEST_MESSAGES and len(refused) > limits.TOO_SOON_SHARE * len(offered):
             text = f"{share(len(refused), len(offered))} {kind} samples came less than 20 ms after the one before"
             yield Sighting.in_messages(text, refused)
 
@@ -218,5 +218,5 @@ def same_measurement_twice(evidence: Evidence) -> Iterator[Sighting]:
 def few_messages(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.stream.tracks:
         interval = _median_interval_us(track)
-        if len(track) >= FEWEST and limits.FEW_PERIOD_US < interval < limits.SLOW_PERIOD_US:
+        if len(track) >= FEWEST_MESSAGES and limits.FEW_PERIOD_US < interval < limits.SLOW_PERIOD_US:
             yield Sighting(f"{track.sender}: {1e6 / interval:.1f} messages per second", track.numbers.tolist())

@@ -15,7 +15,7 @@ from viso.doctor.checks.beside_vehicle import aligned_us, follows_vehicle
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often
 from viso.doctor.evidence.evidence import Evidence
-from viso.doctor.evidence.sender_clock import FEWEST, time_base_us
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, time_base_us
 from viso.doctor.evidence.tracks import POSE_TYPES, Bools, Floats, Poses, euler_of_quat, median_of
 from viso.streams.stream_kinds import Aspect
 
@@ -131,7 +131,7 @@ def _resets(poses: Poses) -> _Resets:
 
 def _tracks(evidence: Evidence) -> Iterator[tuple[Poses, _Resets]]:
     for poses in evidence.stream.poses:
-        if len(poses.track) < FEWEST:
+        if len(poses.track) < FEWEST_MESSAGES:
             continue
         resets = _resets(poses)
         # In a DataFlash log poses are as the autopilot aligned them: they jump at an alignment.
@@ -256,7 +256,7 @@ def _counter_flaps(poses: Poses) -> bool:
 )
 def counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
     poses = [one for one in evidence.stream.vision if isinstance(one.message, POSE_TYPES)]
-    if len(poses) < FEWEST:
+    if len(poses) < FEWEST_MESSAGES:
         return
     counters = [int(getattr(one.message, "reset_counter", 0)) for one in poses]
     changed = [one for one, a, b in zip(poses[1:], counters, counters[1:], strict=False) if a != b]
@@ -298,11 +298,11 @@ def contradicting_poses(evidence: Evidence) -> Iterator[Sighting]:
     """Find two senders of poses whose positions lie apart at the same time."""
     for index in range(1, len(evidence.stream.poses)):
         one, other = evidence.stream.poses[0], evidence.stream.poses[index]
-        if len(one.track) < FEWEST or len(other.track) < FEWEST:
+        if len(one.track) < FEWEST_MESSAGES or len(other.track) < FEWEST_MESSAGES:
             continue
         first, last = one.track.arrival_us[0], one.track.arrival_us[-1]
         inside = (other.track.arrival_us >= first) & (other.track.arrival_us <= last)
-        if np.count_nonzero(inside) < FEWEST:
+        if np.count_nonzero(inside) < FEWEST_MESSAGES:
             continue
         times = other.track.arrival_us[inside]
         there = np.column_stack([np.interp(times, one.track.arrival_us, one.pos_m[:, axis]) for axis in range(3)])

@@ -14,7 +14,7 @@ from viso.doctor.checks.phrases import at, masked
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.motion import Agreement, Motion, agreement, typical_speed
 from viso.doctor.evidence.own_filter import Witness
-from viso.doctor.evidence.sender_clock import FEWEST, time_base_us
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, time_base_us
 from viso.doctor.evidence.tracks import Poses, median_of
 
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
@@ -65,7 +65,7 @@ def _path_speed(poses: Poses) -> float:
     last = last[first]
     step = np.linalg.norm(poses.pos_m[last] - poses.pos_m[first], axis=1) / (time_s[last] - time_s[first])
     step = step[np.isfinite(step)]
-    return float(np.median(step)) if len(step) >= FEWEST else 0.0
+    return float(np.median(step)) if len(step) >= FEWEST_MESSAGES else 0.0
 
 
 @check(
@@ -157,7 +157,7 @@ def velocity_always_zero(evidence: Evidence) -> Iterator[Sighting]:
 def velocity_spikes(evidence: Evidence) -> Iterator[Sighting]:
     for velocities in evidence.stream.velocities:
         used, track = velocities.used, velocities.track
-        if len(track) < FEWEST:
+        if len(track) < FEWEST_MESSAGES:
             continue
         between = 0.5 * (used[:-2] + used[2:])
         off = np.linalg.norm(used[1:-1] - between, axis=1)
@@ -180,7 +180,7 @@ def velocity_spikes(evidence: Evidence) -> Iterator[Sighting]:
 def velocity_leaves_path(evidence: Evidence) -> Iterator[Sighting]:
     """Find stretches in which velocities differ much from the path, though they fit elsewhere."""
     for motion in evidence.stream.motions:
-        if len(motion.numbers) < FEWEST:
+        if len(motion.numbers) < FEWEST_MESSAGES:
             continue
         fit = agreement(motion.path, motion.used)
         off = np.linalg.norm(motion.path - motion.used, axis=1)
@@ -204,7 +204,7 @@ def velocity_leaves_path(evidence: Evidence) -> Iterator[Sighting]:
 )
 def position_drift(evidence: Evidence) -> Iterator[Sighting]:
     for motion in evidence.stream.motions:
-        if len(motion.numbers) < 3 * FEWEST:
+        if len(motion.numbers) < 3 * FEWEST_MESSAGES:
             continue
         off = motion.path - motion.used
         bias = np.median(off, axis=0)

@@ -14,7 +14,7 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, by_type, listed, share
 from viso.doctor.evidence.evidence import Evidence
-from viso.doctor.evidence.sender_clock import FEWEST, are_us
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, are_us
 from viso.doctor.evidence.stream_data import VISION_NAMES
 from viso.doctor.evidence.tracks import Bools, Ints, Track
 from viso.streams.stream_kinds import Aspect
@@ -115,7 +115,7 @@ def _is_missing_one(evidence: Evidence, track: Track) -> Bools:
 )
 def lost_messages(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.stream.tracks:
-        if len(track) < FEWEST:
+        if len(track) < FEWEST_MESSAGES:
             continue
         missing = np.flatnonzero(_is_missing_one(evidence, track))
         if len(missing):
@@ -276,7 +276,7 @@ def repeated_messages(evidence: Evidence) -> Iterator[Sighting]:
 )
 def reordered_messages(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.stream.tracks:
-        if len(track) < FEWEST or not are_us(track):
+        if len(track) < FEWEST_MESSAGES or not are_us(track):
             continue
         step = np.diff(track.sequence) % 256
         back = np.flatnonzero((step >= 192) & (np.diff(track.stamp_us) < 0))

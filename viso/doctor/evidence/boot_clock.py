@@ -12,8 +12,8 @@ from viso.doctor.evidence.sender_clock import Departure, SenderClock, sender_clo
 from viso.doctor.evidence.tracks import Ints, Sender, Track
 from viso.streams.stream_kinds import Stream, StreamMessage
 
-_KNOT_US: Final = 1_000_000
-_OF: Final = Sender(0, 0, "ATTITUDE")
+_KNOT_US: Final = 1_000_000  # between the moments that are known by both clocks
+_ATTITUDES: Final = Sender(0, 0, "ATTITUDE")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +40,7 @@ def boot_clock(times_us: Sequence[tuple[int, int]]) -> BootClock | None:
         return None
     recorded_us, boot_us = np.array(times_us, dtype=np.int64).T
     zeros = np.zeros(len(recorded_us), dtype=np.int64)
-    found = sender_clock(Track(_OF, zeros, recorded_us, boot_us - boot_us[0], int(boot_us[0]), zeros))
+    found = sender_clock(Track(_ATTITUDES, zeros, recorded_us, boot_us - boot_us[0], int(boot_us[0]), zeros))
     if found is None or found.departure not in (Departure.RATE, Departure.CHANGING) or found.factor <= 0:
         return None
     # The quickest message of each second: the link's delays are not the clock's.

@@ -18,22 +18,24 @@ from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries
 from viso.doctor.evidence.vehicle_position import PositionSeries
 from viso.estimators.turning import attitudes_of
 
-FEWEST: Final = 50
+FEWEST_FITTED: Final = 50
+"""Fewer records of flow are not fitted."""
+
 _LEAST_TURNING: Final = 0.04  # rad/s, rms of each axis
 _LEAST_SHIFT: Final = 0.05  # rad/s, rms of velocity over range
 _LEAST_HEIGHT_M: Final = 0.5
-_OLDEST_US: Final = 500_000
+_LONGEST_GAP_US: Final = 500_000  # over which motion is interpolated
 _LAGS_MS: Final = tuple(range(-100, 310, 10))
-_ROUGH_MS: Final = 30
-_AROUND_US: Final = 150_000
+_OTHER_LAG_MS: Final = 30  # lags nearer to the best explain about as much
+_AROUND_US: Final = 150_000  # on either side of a position, for its velocity
 _EXPLAINED: Final = 0.9
 _EXPLAINED_WHOLE: Final = 0.7
 """The same if turning and velocity are both known: the rest is noise, which does not change the mean."""
 
-_MOST: Final = 20_000
+_MOST_FITTED: Final = 20_000  # records; more are thinned out
 _LEAST_SPREAD: Final = 1e-12
-_TELLS_APART: Final = 0.01  # of what is explained, both axes together
-_OF_TRUTH: Final = ("SIM", "SIM_STATE", "SIMSTATE")
+_CLEARLY_LESS: Final = 0.01  # of what is explained, both axes together
+_TRUTH_ORIGINS: Final = ("SIM", "SIM_STATE", "SIMSTATE")
 
 AXES: Final[dict[str, Floats]] = {
     "as they should be": np.array([[1.0, 0.0], [0.0, 1.0]]),
@@ -143,7 +145,7 @@ def _at(table: Floats, time_us: Floats) -> Floats:
         return np.full((len(time_us), table.shape[1] - 1), np.nan)
     known = table[:, 0]
     after = np.clip(np.searchsorted(known, time_us), 1, len(known) - 1)
-    near = np.diff(known)[after - 1] < _OLDEST_US
+    near = np.diff(known)[after - 1] < _LONGEST_GAP_US
     inside = np.asarray(near & (time_us >= known[0]) & (time_us <= known[-1]), dtype=np.bool_)
     columns = [np.where(inside, np.interp(time_us, known, column), np.nan) for column in table[:, 1:].T]
     return np.column_stack(columns)
@@ -174,7 +176,7 @@ def _speed(time_us: Floats, pos_m: Floats) -> Floats:
 
 def _velocity(ground: GroundSensors, position: PositionSeries | None, uses_flow: bool) -> tuple[Floats, bool]:
     """Return us and velocity north and east, and whether they are free of the flow."""
-    if position is None or position.origin not in _OF_TRUTH:
+    if position is None or position.origin not in _TRUTH_ORIGINS:
         return ground.velocity, not uses_flow
     return _speed(position.time_us.astype(np.float64), position.ned_m), True
 
@@ -237,11 +239,11 @@ def fit_flow(
 
 def _fitted(flow: FlowSeries, of: str, rates: Floats, valid: Bools, motion: _Motion) -> FlowFit:
     rates, time_us = rates[valid], flow.time_us[valid]
-    if len(rates) < FEWEST:
+    if len(rates) < FEWEST_FITTED:
         return FlowFit(flow, of, len(rates), f"it said {len(rates)} times that it saw something")
     if not len(motion.gyro):
         return FlowFit(flow, of, len(rates), "nothing tells how the vehicle turned")
-    every = -(-len(rates) // _MOST)
+    every = -(-len(rates) // _MOST_FITTED)
     fit = FlowFit(flow, of, by=motion.by)
     tried = {lag: _at_lag(fit, rates[::every], time_us[::every], motion, lag) for lag in _LAGS_MS}
     usable = {lag: one for lag, one in tried.items() if one is not None}
@@ -249,18 +251,18 @@ def _fitted(flow: FlowSeries, of: str, rates: Floats, valid: Bools, motion: _Mot
         return FlowFit(flow, of, len(rates), "the vehicle hardly moved where its motion and the flow are both known")
     lag_ms = max(usable, key=lambda lag: sum(usable[lag].explained))
     best = usable[lag_ms]
-    others = [sum(one.explained) for lag, one in usable.items() if abs(lag - lag_ms) > _ROUGH_MS]
-    return replace(best, is_timed=len(others) > 1 and sum(best.explained) - max(others) > _TELLS_APART)
+    others = [sum(one.explained) for lag, one in usable.items() if abs(lag - lag_ms) > _OTHER_LAG_MS]
+    return replace(best, is_timed=len(others) > 1 and sum(best.explained) - max(others) > _CLEARLY_LESS)
 
 
 def _at_lag(fit: FlowFit, rates: Floats, time_us: Ints, motion: _Motion, lag_ms: int) -> FlowFit | None:
     """Return the fit of rates to the motion ``lag_ms`` before; None if there was too little motion."""
     gyro, shift = motion.at(np.asarray(time_us - lag_ms * 1e3, dtype=np.float64))
-    if np.isfinite(shift).all(axis=1).sum() < FEWEST:
+    if np.isfinite(shift).all(axis=1).sum() < FEWEST_FITTED:
         shift = np.zeros_like(gyro)
     known = np.isfinite(gyro).all(axis=1) & np.isfinite(shift).all(axis=1)
     gyro, shift, rates = gyro[known], shift[known], rates[known]
-    if len(rates) < FEWEST:
+    if len(rates) < FEWEST_FITTED:
         return None
     turns, moves = gyro.std(axis=0).min() >= _LEAST_TURNING, shift.std(axis=0).min() >= _LEAST_SHIFT
     if not turns and not (moves and motion.is_free):

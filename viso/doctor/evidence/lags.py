@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from viso.doctor.evidence.evidence import Evidence
-from viso.doctor.evidence.sender_clock import FEWEST, are_us, is_constant, lag_ms, sender_clock
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, are_us, is_constant, lag_ms, sender_clock
 from viso.doctor.evidence.tracks import Floats, Ints, Track
 
 STEP_BACK_US: Final = 1000
@@ -28,7 +28,7 @@ _MOST_IN_PAIRS: Final = 300
 def usable_tracks(evidence: Evidence) -> Iterator[Track]:
     """Yield the tracks whose stamps are us of a clock that runs as the autopilot's; others show no lag."""
     for track in evidence.stream.tracks:
-        if len(track) >= FEWEST and shows_lags(track):
+        if len(track) >= FEWEST_MESSAGES and shows_lags(track):
             yield track
 
 

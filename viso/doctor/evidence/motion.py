@@ -25,12 +25,15 @@ from viso.doctor.evidence.tracks import (
 )
 
 WINDOW_S: Final = 0.25
-_LONGEST_WINDOW: Final = 2.4  # times its length
 FEWEST_WINDOWS: Final = 30
-LEAST_SPEED: Final = 0.25  # m/s, for directions to mean anything
+"""Fewer windows of motion show nothing."""
+LEAST_SPEED: Final = 0.25
+"""In m/s; below it directions are noise."""
+
+_LONGEST_WINDOW: Final = 2.4  # times its length
 _LEAST_RESIDUAL: Final = 0.3  # m/s, below which nothing is an outlier
-_ENOUGH: Final = 5000  # samples to tell axes by
-_CLEARLY_BETTER: Final = 0.02
+_MOST_FOR_AXES: Final = 5000  # windows; more are thinned out
+_CLEARLY_BETTER: Final = 0.02  # of a correlation
 _FAILED: Final = -1  # of a quality
 _INVERSE: Final = np.array([1.0, -1.0, -1.0, -1.0])
 
@@ -128,7 +131,7 @@ def best_axes(path: Floats, velocities: Floats) -> tuple[Axes, Agreement]:
 
     Long paths are thinned out evenly.
     """
-    path, velocities = (values[:: len(path) // _ENOUGH + 1] for values in (path, velocities))
+    path, velocities = (values[:: len(path) // _MOST_FOR_AXES + 1] for values in (path, velocities))
     best = AXES[0], agreement(path, velocities)
     for axes in AXES[1:]:
         fit = agreement(path, velocities @ axes.matrix.T)

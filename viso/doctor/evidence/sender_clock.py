@@ -11,27 +11,29 @@ import numpy as np
 
 from viso.doctor.evidence.tracks import Floats, Ints, Track
 
-FEWEST: Final = 10
-_RIGHT_UNIT: Final = (0.8, 1.25)
-_SHORTEST_US: Final = 500_000
-_LEAST_US: Final = 200_000
-_FEWEST_TO_TELL: Final = 20
-_SHORTEST_S: Final = 2.0
+FEWEST_MESSAGES: Final = 10
+"""Fewer messages of a track show nothing."""
+
+_UNIT_WITHIN: Final = (0.8, 1.25)  # times us: stamps in us, whatever the lateness of messages
+_RATE_APART_US: Final = 500_000  # between the messages of a pair whose stamps are compared, at least
+_RATE_LEAST_US: Final = 200_000  # of the median distance of such pairs, or they show no rate
+_CLOCK_FEWEST: Final = 20  # messages of a track whose clock can be compared
+_CLOCK_SHORTEST_S: Final = 2.0  # of such a track
 _WINDOW_S: Final = 2.0
-_WINDOWS: Final = (6, 60)
-_NEAR_S: Final = 0.25
+_WINDOWS: Final = (6, 60)  # the fewest and the most
+_NEAR_S: Final = 0.25  # the quickest message so near to the edge of a window bounds it
 _FEWEST_NEAR: Final = 3
-_LEAST_DRIFT_S: Final = 0.3
-_LEAST_SHARE: Final = 0.01
-_LEAST_GAIN_S: Final = 0.02
-_SOME: Final = 0.25  # of the windows
+_LEAST_DRIFT_S: Final = 0.3  # over the track, or it is no departure
+_LEAST_RATE: Final = 0.01  # off 1, likewise
+_LEAST_GAIN_S: Final = 0.02  # in a window, or its rate may be jitter
+_DEPARTING_SHARE: Final = 0.25  # of the windows
 _LEAST_STEP_S: Final = 0.1
 _FEWEST_STEPS: Final = 5
-_STEPPED_SHARE: Final = 0.05
-_SIGMAS: Final = 10.0
-_OVER_LATE: Final = 4.0
-_ALTERNATING: Final = 0.05  # of the messages, each way
-_LEAST_APART_S: Final = 0.2
+_STEPPED_SHARE: Final = 0.05  # of the track's time
+_STEP_TIMES_USUAL: Final = 10.0  # times the median change of the lag
+_DRIFT_TIMES_LATE: Final = 4.0  # times the lateness of nine of ten messages
+_ALTERNATING_SHARE: Final = 0.05  # of the messages, each way
+_LEAST_APART_S: Final = 0.2  # of two clocks in turn
 
 
 class Departure(Enum):
@@ -110,7 +112,7 @@ def _steps_s(arrival_s: Floats, stamp_s: Floats, late_s: float) -> Floats:
     """Return by how much the clock stepped before each message but the first; 0 where it went on."""
     gain = np.diff(stamp_s) - np.diff(arrival_s)
     off = gain - np.median(gain)
-    limit = max(_LEAST_STEP_S, 2 * late_s, _SIGMAS * float(np.median(np.abs(off))))
+    limit = max(_LEAST_STEP_S, 2 * late_s, _STEP_TIMES_USUAL * float(np.median(np.abs(off))))
     steps, lag = np.zeros(len(gain)), arrival_s - stamp_s
     for index in np.flatnonzero(np.abs(off) > limit).tolist():
         # Behind a late message, or a row of them that had waited, the lag is soon what it was.
@@ -126,7 +128,7 @@ def _turns_s(track: Track) -> Floats:
     step_s = np.diff(track.stamp_us)[np.diff(track.sequence) % 256 < 192] * 1e-6
     ahead = step_s > _LEAST_APART_S + 5 * abs(float(track.stamp_us[-1])) * 1e-6 / len(track)
     back = step_s < -_LEAST_APART_S
-    alternates = len(step_s) and min(np.mean(ahead), np.mean(back)) > _ALTERNATING
+    alternates = len(step_s) and min(np.mean(ahead), np.mean(back)) > _ALTERNATING_SHARE
     return np.asarray(step_s[ahead | back] if alternates else step_s[:0], dtype=np.float64)
 
 
@@ -146,7 +148,7 @@ def sender_clock(track: Track) -> SenderClock | None:
 
     A few steps are no departure, nor is a drift of less than 1 %.
     """
-    if len(track) < _FEWEST_TO_TELL or track.span_s < _SHORTEST_S:
+    if len(track) < _CLOCK_FEWEST or track.span_s < _CLOCK_SHORTEST_S:
         return None
     arrival_s: Floats = np.asarray(track.arrival_us * 1e-6, dtype=np.float64)
     stamp_s: Floats = np.asarray(track.stamp_us * 1e-6, dtype=np.float64)
@@ -169,9 +171,13 @@ def sender_clock(track: Track) -> SenderClock | None:
     range_s, rates = float(np.ptp(gain_s)), windows.rate
     advance = np.diff(stamp_s)
     finest_s = float(np.median(advance[advance > 0])) if np.any(advance > 0) else 0.0
-    least_s = max(_LEAST_DRIFT_S, _LEAST_SHARE * span_s, 2 * finest_s, _OVER_LATE * windows.late_s[1])
-    is_other = (np.abs(rates - 1) > _LEAST_SHARE) & (np.abs(windows.gain_s) > _LEAST_GAIN_S)
-    if range_s >= least_s and np.mean(is_other) > _SOME and not _is_queue(windows, float(gain_s[-1]), range_s):
+    least_s = max(_LEAST_DRIFT_S, _LEAST_RATE * span_s, 2 * finest_s, _DRIFT_TIMES_LATE * windows.late_s[1])
+    is_other = (np.abs(rates - 1) > _LEAST_RATE) & (np.abs(windows.gain_s) > _LEAST_GAIN_S)
+    if (
+        range_s >= least_s
+        and np.mean(is_other) > _DEPARTING_SHARE
+        and not _is_queue(windows, float(gain_s[-1]), range_s)
+    ):
         is_steady = np.ptp(np.quantile(rates, [0.1, 0.9])) < max(0.05, 0.2 * abs(float(np.median(rates)) - 1))
         return departing(Departure.RATE if is_steady else Departure.CHANGING, rates, steps_s)
     # One large step alone is no rate.
@@ -187,21 +193,21 @@ def stamp_rate(track: Track, parts: int = 8) -> float | None:
     The median over pairs that lie a part of the track apart, but half a second at least: a step of the clock or a late
     message does not move it.
     """
-    if len(track) < FEWEST:
+    if len(track) < FEWEST_MESSAGES:
         return None
-    half_second = int(np.searchsorted(track.arrival_us, track.arrival_us[0] + _SHORTEST_US))
+    half_second = int(np.searchsorted(track.arrival_us, track.arrival_us[0] + _RATE_APART_US))
     apart = min(max(len(track) // parts, half_second), len(track) // 2)
     arrived = (track.arrival_us[apart:] - track.arrival_us[:-apart]).astype(np.float64)
     stamped = (track.stamp_us[apart:] - track.stamp_us[:-apart]).astype(np.float64)
     usable = arrived > 0
-    if not usable.any() or np.median(arrived[usable]) < _LEAST_US:
+    if not usable.any() or np.median(arrived[usable]) < _RATE_LEAST_US:
         return None
     return float(np.median(stamped[usable] / arrived[usable]))
 
 
 def is_constant(track: Track) -> bool:
     """Return whether nearly all stamps are the same; whole seconds are not."""
-    if len(track) < FEWEST or np.mean(np.diff(track.stamp_us) == 0) < 0.9:
+    if len(track) < FEWEST_MESSAGES or np.mean(np.diff(track.stamp_us) == 0) < 0.9:
         return False
     return len(np.unique(track.stamp_us)) < max(3.0, 0.5 * track.span_s)
 
@@ -209,7 +215,7 @@ def is_constant(track: Track) -> bool:
 def are_us(track: Track) -> bool:
     """Return whether the stamps count us, as far as can be known."""
     rate = stamp_rate(track)
-    return rate is not None and _RIGHT_UNIT[0] < rate < _RIGHT_UNIT[1]
+    return rate is not None and _UNIT_WITHIN[0] < rate < _UNIT_WITHIN[1]
 
 
 def lag_ms(track: Track) -> Floats:
