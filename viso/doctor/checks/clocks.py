@@ -77,7 +77,7 @@ def constant_stamps(evidence: Evidence) -> Iterator[Sighting]:
 def stamp_unit(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.stream.tracks:
         for unit, factor, name, cure in _UNITS:
-            if _counts(track, factor):
+            if _counts_unit(track, factor):
                 advance = int(track.stamp_us[-1] - track.stamp_us[0])
                 if Aspect.ARRIVAL in evidence.stream.lacks:
                     yield _wrong_unit_of_file(track, advance, factor)
@@ -86,7 +86,7 @@ def stamp_unit(evidence: Evidence) -> Iterator[Sighting]:
                 yield Sighting.in_track(text, track, fix=f"The field is in us; your stamps are {unit}: {cure}.")
 
 
-def _counts(track: Track, factor: float) -> bool:
+def _counts_unit(track: Track, factor: float) -> bool:
     """Return whether stamps count a unit of which ``factor`` make a us."""
     if is_constant(track) or are_us(track):
         return False
@@ -227,12 +227,12 @@ def clock_rate(evidence: Evidence) -> Iterator[Sighting]:
     reported = set()
     for track in evidence.stream.tracks:
         clock, whose = sender_clock(track), (track.sender.system_id, track.sender.component_id)
-        if clock is None or is_constant(track) or any(_counts(track, factor) for _, factor, _, _ in _UNITS):
+        if clock is None or is_constant(track) or any(_counts_unit(track, factor) for _, factor, _, _ in _UNITS):
             continue
         if (whose, clock.departure) in reported:
             continue
         reported.add((whose, clock.departure))
-        cause, fix = _cause(clock, is_simulated=evidence.vehicle.is_simulated)
+        cause, fix = _cause_and_fix(clock, is_simulated=evidence.vehicle.is_simulated)
         advance_s = float(track.stamp_us[-1]) * 1e-6
         is_gross = clock.worst >= limits.CLOCK_FAR_OFF or clock.departure is Departure.ALTERNATING
         yield Sighting.in_track(
@@ -244,7 +244,7 @@ def clock_rate(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
-def _cause(clock: SenderClock, *, is_simulated: bool) -> tuple[str, str | None]:
+def _cause_and_fix(clock: SenderClock, *, is_simulated: bool) -> tuple[str, str | None]:
     """Return the likely cause of a clock's departure, and what to do if the check's advice does not fit."""
     if clock.departure is Departure.ALTERNATING:
         apart = f"{clock.step_s:.3g} s apart, with {clock.steps} steps back and forth"

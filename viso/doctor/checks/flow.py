@@ -40,7 +40,7 @@ _TERRAIN: Final = "AP_NavEKF3_OptFlowFusion.cpp, NavEKF3_core::EstimateTerrainOf
 _AIDING: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 
 
-def _asking(evidence: Evidence) -> list[int]:
+def _flow_sets(evidence: Evidence) -> list[int]:
     """Return the source sets that take their velocity from flow."""
     return [number for number in SOURCE_SETS if evidence.source("VELXY", number) == SourceXY.OPTFLOW]
 
@@ -61,7 +61,7 @@ def _asking(evidence: Evidence) -> list[int]:
     witness=Witness.LOG,
 )
 def flow_missing(evidence: Evidence) -> Iterator[Sighting]:
-    sets = _asking(evidence)
+    sets = _flow_sets(evidence)
     if not sets:
         return
     names = listed([f"EK3_SRC{number}_VELXY" for number in sets])
@@ -95,7 +95,7 @@ def flow_unused(evidence: Evidence) -> Iterator[Sighting]:
         if flow.units is not None and kind is not None and kind != _MAVLINK:
             yield in_records(f"{len(flow)} messages, and FLOW_TYPE is {kind:g}", flow, everything)
         elif (
-            not _asking(evidence)
+            not _flow_sets(evidence)
             and use is not None
             and use != _TERRAIN_ONLY
             and "EK3_SRC1_VELXY" in evidence.set_up.known
@@ -158,7 +158,9 @@ def flow_gaps(evidence: Evidence) -> Iterator[Sighting]:
                 f"{took_s:.1f} s from {at(since_us)} on"
             )
             stops = (
-                period_us[longest] >= limits.FLOW_STOPS_US and bool(_asking(evidence)) and not evidence.source("POSXY")
+                period_us[longest] >= limits.FLOW_STOPS_US
+                and bool(_flow_sets(evidence))
+                and not evidence.source("POSXY")
             )
             severity = None if stops else Severity.WARNING
             yield in_records(text, flow, gap, severity)
@@ -170,23 +172,23 @@ def _fits(evidence: Evidence, of: str) -> Iterator[FlowFit]:
             yield fit
 
 
-def _throughout(fit: FlowFit, text: str, fix: str | None = None, severity: Severity | None = None) -> Sighting:
+def _over_all_records(fit: FlowFit, text: str, fix: str | None = None, severity: Severity | None = None) -> Sighting:
     """Return a sighting over all records of a sensor."""
     start_us, end_us = (int(time_us) for time_us in fit.flow.time_us[[0, -1]])
     return Sighting(f"{fit.flow.origin}: {text}", (), start_us, end_us, fix, severity)
 
 
-def _witness(fit: FlowFit) -> str:
+def _reference_text(fit: FlowFit) -> str:
     """Return the reference of a fit in words."""
     return f"the {'turning' if fit.by_turning else 'velocity over the distance to the ground'} of {fit.by}"
 
 
-def _is_ranged(evidence: Evidence) -> bool:
+def _has_good_range(evidence: Evidence) -> bool:
     """Return whether a good range is known; without one, the height above the start replaces it."""
     return any(one.looks_down and one.is_good.any() for one in evidence.vehicle.ground.ranges)
 
 
-def _scaler(evidence: Evidence, fit: FlowFit) -> str:
+def _scaler_advice(evidence: Evidence, fit: FlowFit) -> str:
     """Return the parameters that correct a sensor's scale, in words."""
     found = []
     for axis, factor in zip("XY", fit.factors, strict=True):
@@ -215,11 +217,13 @@ def flow_scale(evidence: Evidence) -> Iterator[Sighting]:
     for fit in _fits(evidence, "flow"):
         x, y = fit.factors
         off = max(abs(x - 1), abs(y - 1))
-        limit = limits.FLOW_SCALE_FAR_OFF if fit.is_whole and not _is_ranged(evidence) else limits.FLOW_SCALE_OFF
-        if off > limit and (fit.by_turning or _is_ranged(evidence)):
-            text = f"flow about x is {x:.2f} times, about y {y:.2f} times what {_witness(fit)} makes"
+        limit = limits.FLOW_SCALE_FAR_OFF if fit.is_whole and not _has_good_range(evidence) else limits.FLOW_SCALE_OFF
+        if off > limit and (fit.by_turning or _has_good_range(evidence)):
+            text = f"flow about x is {x:.2f} times, about y {y:.2f} times what {_reference_text(fit)} makes"
             severity = None if off > limits.FLOW_SCALE_FAR_OFF else Severity.WARNING
-            yield _throughout(fit, f"{text}, in {fit.count} measurements", _scaler(evidence, fit), severity)
+            yield _over_all_records(
+                fit, f"{text}, in {fit.count} measurements", _scaler_advice(evidence, fit), severity
+            )
 
 
 @check(
@@ -247,7 +251,7 @@ def flow_axes(evidence: Evidence) -> Iterator[Sighting]:
             what = f"it is turned by {turned % 360:.0f} degrees (clockwise from above)"
         else:
             continue
-        yield _throughout(fit, f"{what}, as {_witness(fit)} shows in {fit.count} measurements", fix)
+        yield _over_all_records(fit, f"{what}, as {_reference_text(fit)} shows in {fit.count} measurements", fix)
 
 
 @check(
@@ -270,7 +274,7 @@ def flow_delay(evidence: Evidence) -> Iterator[Sighting]:
         late_ms = fit.lag_ms - delay_ms
         if late_ms > limits.FLOW_AVERAGE_MS + limits.FLOW_LATE_MS or late_ms < -limits.FLOW_LATE_MS:
             wanted = min(max(fit.lag_ms - limits.FLOW_AVERAGE_MS, 0.0), float(_LARGEST_DELAY_MS))
-            yield _throughout(
+            yield _over_all_records(
                 fit,
                 f"flow comes {fit.lag_ms:.0f} ms after the turning that it shows; EK3_FLOW_DELAY is {delay_ms:.0f}",
                 f"Set EK3_FLOW_DELAY to about {wanted:.0f}, at most {_LARGEST_DELAY_MS}, and reboot.",
@@ -301,11 +305,11 @@ def flow_gyro(evidence: Evidence) -> Iterator[Sighting]:
             or max(abs(x - 1), abs(y - 1)) > limits.FLOW_SCALE_OFF
         )
         if not np.ptp(np.nan_to_num(fit.flow.body), axis=0).any():
-            yield _throughout(fit, "the sensor's body rates are always the same while the vehicle turns")
+            yield _over_all_records(fit, "the sensor's body rates are always the same while the vehicle turns")
         elif fit.is_judged and is_off:
             how = fit.axes if fit.is_mirrored else f"turned by {fit.turned_deg % 360:.0f} degrees"
             size = f"{x:.2f} times as large about x and {y:.2f} times about y"
-            yield _throughout(fit, f"against the vehicle's gyro the sensor's is {how}, {size}")
+            yield _over_all_records(fit, f"against the vehicle's gyro the sensor's is {how}, {size}")
 
 
 @check(
@@ -414,7 +418,7 @@ def flow_frozen(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def flow_without_range(evidence: Evidence) -> Iterator[Sighting]:
-    if 1 not in _asking(evidence) or known_param(evidence, "EK3_FLOW_USE") == 0:
+    if 1 not in _flow_sets(evidence) or known_param(evidence, "EK3_FLOW_USE") == 0:
         return
     down = [one for one in evidence.vehicle.ground.ranges if one.looks_down]
     if any(one.is_good.any() for one in down):
@@ -442,7 +446,7 @@ def flow_without_range(evidence: Evidence) -> Iterator[Sighting]:
 )
 def flow_rejected(evidence: Evidence) -> Iterator[Sighting]:
     check = evidence.vehicle.ground.check
-    if not evidence.vehicle.ground.flows or not _asking(evidence) or not len(check):
+    if not evidence.vehicle.ground.flows or not _flow_sets(evidence) or not len(check):
         return
     flying = is_in_flight(evidence, check[:, 0].astype(np.int64)) & (check[:, 2] > limits.FLYING_M)
     over = flying & (check[:, 1] > 1)
@@ -481,9 +485,9 @@ def flow_not_judged(evidence: Evidence) -> Iterator[Sighting]:
             continue
         if not fit.is_timed:
             yield Sighting(f"{fit.flow.origin}: delay: the vehicle turned too smoothly to tell")
-        if fit.is_whole and not _is_ranged(evidence):
+        if fit.is_whole and not _has_good_range(evidence):
             yield Sighting(f"{fit.flow.origin}: scale: no range was good, so only one that is far off is told")
-    if _asking(evidence) and not evidence.vehicle.ground.flows:
+    if _flow_sets(evidence) and not evidence.vehicle.ground.flows:
         if not is_recorded(evidence, FLOW_BIT):
             yield Sighting("EK3_SRCn_VELXY is 5 (OptFlow), and LOG_BITMASK does not say that flow is logged (OF)")
         elif evidence.vehicle.ground.health.get(FLOW):

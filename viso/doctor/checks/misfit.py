@@ -83,7 +83,7 @@ def yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
             )
 
 
-def _unlike(evidence: Evidence, path: SentPath, what: str, severity: Severity | None) -> Iterator[Sighting]:
+def _unlike_path(evidence: Evidence, path: SentPath, what: str, severity: Severity | None) -> Iterator[Sighting]:
     """Yield a sighting if a path does not resemble the vehicle's."""
     found, position = likeness_of(evidence, path), evidence.vehicle.position
     if found is None or position is None:
@@ -118,7 +118,7 @@ def _unlike(evidence: Evidence, path: SentPath, what: str, severity: Severity | 
 )
 def positions_unrelated(evidence: Evidence) -> Iterator[Sighting]:
     for _, path in paths_of_poses(evidence):
-        yield from _unlike(evidence, path, "positions", _severity_by_source(evidence, "POSXY"))
+        yield from _unlike_path(evidence, path, "positions", _severity_by_source(evidence, "POSXY"))
 
 
 def _at_rest(evidence: Evidence, path: SentPath) -> list[Rest]:
@@ -151,10 +151,10 @@ def moves_while_standing(evidence: Evidence) -> Iterator[Sighting]:
             if one.stream_m
             > max(limits.LEAST_DEPARTURE_M, limits.WANDERS_TIMES * noise_m, limits.WANDERS_TIMES * one.reference_m)
         ]
-        yield from _standing(evidence, path, moved, "positions move over", _severity_by_source(evidence, "POSXY"))
+        yield from _moved_at_rest(evidence, path, moved, "positions move over", _severity_by_source(evidence, "POSXY"))
 
 
-def _standing(
+def _moved_at_rest(
     evidence: Evidence, path: SentPath, moved: list[Rest], what: str, severity: Severity | None
 ) -> Iterator[Sighting]:
     if not moved or evidence.vehicle.position is None:
@@ -266,14 +266,14 @@ def velocities_unrelated(evidence: Evidence) -> Iterator[Sighting]:
     for velocities, path in paths_of_velocities(evidence):
         if not np.any(velocities.used[path.chosen]):
             continue
-        yield from _unlike(evidence, path, "velocities", severity)
+        yield from _unlike_path(evidence, path, "velocities", severity)
         moved = [
             one
             for one in _at_rest(evidence, path)
             if one.stream_m
             > max(limits.STANDING_M_S * (one.end_us - one.start_us) * 1e-6, limits.WANDERS_TIMES * one.reference_m)
         ]
-        yield from _standing(evidence, path, moved, "velocities lead over", severity)
+        yield from _moved_at_rest(evidence, path, moved, "velocities lead over", severity)
 
 
 @check(

@@ -43,13 +43,13 @@ def _own_filter(evidence: Evidence) -> OwnFilter | None:
     return own if own is not None and evidence.set_up.is_as_flown and own.flags.any() else None
 
 
-def _is_denied(evidence: Evidence) -> bool:
+def _never_navigated(evidence: Evidence) -> bool:
     """Return whether the vehicle's own filter waited for external navigation all the time, and never had a position."""
     own = _own_filter(evidence)
     return own is not None and bool((own.wants_extnav & own.running).any()) and not own.uses_extnav.any()
 
 
-def _kept_on(evidence: Evidence, stops: list[int]) -> str:
+def _went_on_text(evidence: Evidence, stops: list[int]) -> str:
     """Return a text if the vehicle's own filter went on where the model would stop; "" if not, or if that is not known.
 
     Some time around each stop counts, because the model may stop earlier or later.
@@ -67,7 +67,7 @@ def _kept_on(evidence: Evidence, stops: list[int]) -> str:
     return f"; but the vehicle's own filter ({own.witness.value}) went on"
 
 
-def _passed(evidence: Evidence, kind: str) -> str:
+def _passed_text(evidence: Evidence, kind: str) -> str:
     """Return a text if the vehicle's own filter rejected nothing of a kind; "" if it did, or if that is not known."""
     own, channel = _own_filter(evidence), _CHANNEL_OF.get(kind)
     if own is None or channel is None:
@@ -95,7 +95,7 @@ def _accepted(evidence: Evidence) -> list[HandledMessage]:
 )
 def would_aid(evidence: Evidence) -> Iterator[Sighting]:
     first = _first_aiding(evidence)
-    if first is not None and not _is_denied(evidence):
+    if first is not None and not _never_navigated(evidence):
         text = f"it would navigate by {first.mode.value} aiding from {at(first.start_us)} on"
         yield Sighting(text, start_us=first.start_us)
 
@@ -144,7 +144,7 @@ def would_stop_aiding(evidence: Evidence) -> Iterator[Sighting]:
         if before.mode is not AidingMode.NONE and after.mode is AidingMode.NONE
     ]
     if stops:
-        but = _kept_on(evidence, stops)
+        but = _went_on_text(evidence, stops)
         text = f"it would stop aiding {how_often(len(stops))}, first at {at(stops[0])}{but}"
         yield Sighting(text, start_us=stops[0], end_us=stops[-1], severity=Severity.NOTE if but else None)
 
@@ -190,7 +190,7 @@ def would_reject(evidence: Evidence) -> Iterator[Sighting]:
             why = ", where the path accelerates harder than the model's vehicle can follow"
         elif evidence.trial.model_jumps > jumps_in(evidence):
             why = ", and the model's vehicle took motion for jumps: it lost the stream, which a real one does not"
-        but = _passed(evidence, kind)
+        but = _passed_text(evidence, kind)
         # The size counts where the model's vehicle keeps to the stream: elsewhere it shows where the model went.
         worst = evidence.trial.innovations[kind].worst if kind in evidence.trial.innovations else 0.0
         how_much = "" if why else f"; the worst is {worst:.2f} {UNITS.get(kind, '')} off"

@@ -27,7 +27,7 @@ from viso.doctor.checks.phrases import at, how_often, listed, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.ground_sensors import RANGE, RangeSeries
 from viso.doctor.evidence.own_filter import Witness
-from viso.doctor.evidence.tracks import Bools, Floats
+from viso.doctor.evidence.tracks import Bools
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 from viso.estimators.series import stretches_of
 
@@ -43,14 +43,14 @@ _WHY: Final = {
 }
 
 
-def _asking(evidence: Evidence) -> list[str]:
+def _range_requests(evidence: Evidence) -> list[str]:
     """Return the parameters that ask for ranges, the first source set first."""
     sets = [f"EK3_SRC{n}_POSZ 2" for n in SOURCE_SETS if evidence.source("POSZ", n) == SourceZ.RANGEFINDER]
     use = evidence.set_up.known.get("EK3_RNG_USE_HGT", -1.0)
     return [*sets, *([f"EK3_RNG_USE_HGT {use:g}"] if use > 0 else [])]
 
 
-def _down(evidence: Evidence) -> Iterator[RangeSeries]:
+def _looking_down(evidence: Evidence) -> Iterator[RangeSeries]:
     """Yield the range finders that the filter may use: those that look down."""
     for one in evidence.vehicle.ground.ranges:
         if one.looks_down and len(one):
@@ -73,7 +73,7 @@ def _down(evidence: Evidence) -> Iterator[RangeSeries]:
     witness=Witness.LOG,
 )
 def range_missing(evidence: Evidence) -> Iterator[Sighting]:
-    asking = _asking(evidence)
+    asking = _range_requests(evidence)
     if not asking:
         return
     severity = None if asking[0].startswith("EK3_SRC1") else Severity.WARNING
@@ -120,13 +120,13 @@ def range_not_down(evidence: Evidence) -> Iterator[Sighting]:
     ranges = [one for one in evidence.vehicle.ground.ranges if len(one)]
     if not ranges or any(one.looks_down for one in ranges):
         return
-    wants = bool(_asking(evidence)) or any(evidence.source("VELXY", n) == 5 for n in SOURCE_SETS)
+    wants = bool(_range_requests(evidence)) or any(evidence.source("VELXY", n) == 5 for n in SOURCE_SETS)
     for one in ranges:
         text = f"orientation {int(one.orient[-1])}, and none is of orientation {DOWNWARD}"
         yield in_records(text, one, np.ones(len(one), np.bool_), None if wants else Severity.NOTE)
 
 
-def _statuses(one: RangeSeries, mask: Bools) -> str:
+def _status_text(one: RangeSeries, mask: Bools) -> str:
     """Return why some ranges were not good, in words, the most frequent reason first."""
     counts = Counter(one.status[mask].tolist())
     return " and ".join(
@@ -152,23 +152,17 @@ def _statuses(one: RangeSeries, mask: Bools) -> str:
     witness=Witness.LOG,
 )
 def range_never_good(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _down(evidence):
+    for one in _looking_down(evidence):
         if not one.is_good.any():
             everything = np.ones(len(one), np.bool_)
-            wants = bool(_asking(evidence)) or evidence.source("VELXY") == 5
-            text = (
-                f"no range is good: {_statuses(one, everything)}, distances {_span(one.dist_m)}{_limits(evidence, one)}"
-            )
-            yield in_records(
-                text, one, everything, None if wants and len(one) >= limits.FEWEST_RANGES else Severity.WARNING
-            )
+            wants = bool(_range_requests(evidence)) or evidence.source("VELXY") == 5
+            severity = None if wants and len(one) >= limits.FEWEST_RANGES else Severity.WARNING
+            distances = f"{one.dist_m.min():.2f} to {one.dist_m.max():.2f} m{_limits_text(evidence, one)}"
+            text = f"no range is good: {_status_text(one, everything)}, distances {distances}"
+            yield in_records(text, one, everything, severity)
 
 
-def _span(dist_m: Floats) -> str:
-    return f"{dist_m.min():.2f} to {dist_m.max():.2f} m"
-
-
-def _limits(evidence: Evidence, one: RangeSeries) -> str:
+def _limits_text(evidence: Evidence, one: RangeSeries) -> str:
     """Return the limits of a sensor in words; "" if they are not known."""
     if np.isfinite(one.low_m).all() and np.isfinite(one.high_m).all():
         return f", limits {one.low_m[-1]:.2f} and {one.high_m[-1]:.2f} m"
@@ -190,7 +184,7 @@ def _limits(evidence: Evidence, one: RangeSeries) -> str:
     witness=Witness.LOG,
 )
 def range_gaps(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _down(evidence):
+    for one in _looking_down(evidence):
         if not one.is_good.any():
             continue
         good_us = one.time_us[one.is_good]
@@ -206,14 +200,14 @@ def range_gaps(evidence: Evidence) -> Iterator[Sighting]:
         if spans:
             longest = max(spans, key=lambda span: span[1] - span[0])
             shown = bad & (one.time_us >= spans[0][0]) & (one.time_us <= spans[-1][1])
-            how = f" ({_statuses(one, shown)})" if shown.any() else ""
+            how = f" ({_status_text(one, shown)})" if shown.any() else ""
             only_high = shown.any() and bool((one.status[shown] == RangeStatus.TOO_FAR).all()) and not len(gaps)
             yield Sighting(
                 f"{named(one)}: no good range for more than 0.5 s in flight, {how_often(len(spans))}; the longest time "
                 f"of {1e-6 * (longest[1] - longest[0]):.1f} s from {at(longest[0])} on{how}",
                 start_us=spans[0][0],
                 end_us=spans[-1][1],
-                severity=Severity.NOTE if only_high and not _asking(evidence) else None,
+                severity=Severity.NOTE if only_high and not _range_requests(evidence) else None,
             )
 
 
@@ -227,7 +221,7 @@ def range_gaps(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def range_stuck(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _down(evidence):
+    for one in _looking_down(evidence):
         height_m = above_start_m(evidence, one.time_us)
         same = np.append(False, np.diff(one.dist_m) == 0) & one.is_good
         for start, end in stretches_of(same):
@@ -258,7 +252,7 @@ def range_stuck(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def range_outliers(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _down(evidence):
+    for one in _looking_down(evidence):
         if one.is_good.sum() < limits.FEWEST_RANGES:
             continue
         chosen = np.flatnonzero(one.is_good)
@@ -283,7 +277,7 @@ def range_outliers(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def range_scale(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _down(evidence):
+    for one in _looking_down(evidence):
         found = _against_height(evidence, one)
         if found is None:
             continue
@@ -320,7 +314,7 @@ def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> t
     witness=Witness.LOG,
 )
 def range_late(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _down(evidence):
+    for one in _looking_down(evidence):
         tried = {late_us: _against_height(evidence, one, late_us) for late_us in _LATE_US}
         alike = {late_us: found[1] for late_us, found in tried.items() if found is not None}
         if 0 not in alike:
@@ -348,13 +342,13 @@ def range_late(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def range_not_judged(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _down(evidence):
+    for one in _looking_down(evidence):
         found = _against_height(evidence, one)
         if found is None:
             yield Sighting(f"{named(one)}: scale: nothing shows a climb of {limits.RANGE_CLIMB_M:g} m with good ranges")
         elif found[1] <= limits.RANGE_ALIKE_CORRELATION:
             yield Sighting(f"{named(one)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})")
-    asks = _asking(evidence)
+    asks = _range_requests(evidence)
     if asks and not evidence.vehicle.ground.ranges:
         if not is_recorded(evidence, CTUN_BIT) and known_param(evidence, "RNGFND1_TYPE"):
             yield Sighting(f"{listed(asks)}, and LOG_BITMASK does not say that ranges are logged (RFND)")

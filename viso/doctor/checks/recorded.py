@@ -262,7 +262,7 @@ def never_navigated(evidence: Evidence) -> Iterator[Sighting]:
     if own is None or not own.flags.any():
         return
     wants = own.wants_extnav & own.running
-    waited_s, stops = float(own.step_s[wants].sum()), _stops(own)
+    waited_s, stops = float(own.step_s[wants].sum()), _stop_times(own)
     if wants.any() and not own.uses_extnav.any():
         yield Sighting(
             "external navigation is the EKF's source of horizontal position or velocity, and in "
@@ -273,7 +273,7 @@ def never_navigated(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
-def _stops(own: OwnFilter) -> list[int]:
+def _stop_times(own: OwnFilter) -> list[int]:
     return [time_us for time_us, _, text in aiding_texts(own.texts) if text == "stopped aiding"]
 
 
@@ -298,18 +298,18 @@ def lost_extnav(evidence: Evidence) -> Iterator[Sighting]:
     if own is None or not own.uses_extnav.any():
         return
     began = np.arange(len(own.time_us)) >= int(np.argmax(own.uses_extnav))
-    stops = _stops(own)
+    stops = _stop_times(own)
     lost = began & own.wants_extnav & ~own.uses_extnav
     what = "horizontal position" if own.fed_by_extnav(POSITION)[lost].any() else "horizontal velocity"
-    yield from _lost_for(own, lost, what, stops)
+    yield from _lost_spans(own, lost, what, stops)
     for name, bit, channel in (("velocity", VELOCITY_LOST, VELOCITY), ("height", HEIGHT_LOST, HEIGHT)):
         fed = own.fed_by_extnav(channel) & own.uses_extnav
         passed = np.logical_or.accumulate(fed & (own.timeouts & bit == 0))
         timed_out = passed & fed & ~lost & (own.timeouts & bit != 0)
-        yield from _lost_for(own, timed_out, f"{name} (a timeout in TS)", [])
+        yield from _lost_spans(own, timed_out, f"{name} (a timeout in TS)", [])
 
 
-def _lost_for(own: OwnFilter, lost: Bools, what: str, stops: list[int]) -> Iterator[Sighting]:
+def _lost_spans(own: OwnFilter, lost: Bools, what: str, stops: list[int]) -> Iterator[Sighting]:
     spans = [span for span in own.lost_spans(lost) if span[1] - span[0] >= limits.LOST_POSITION_S]
     if not spans and len(stops) < limits.FEWEST_STOPS:
         return

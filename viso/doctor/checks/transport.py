@@ -82,7 +82,7 @@ def mavlink_1(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
-def _skipped(evidence: Evidence, track: Track) -> Ints:
+def _skipped_numbers(evidence: Evidence, track: Track) -> Ints:
     """Return how many sequence numbers of the sender are missing before each message of a track."""
     sender = track.sender
     numbers, sequence = [], []
@@ -101,7 +101,7 @@ def _is_missing_one(evidence: Evidence, track: Track) -> Bools:
     times = track.stamp_us if are_us(track) else track.arrival_us
     interval = np.diff(times)
     usual = float(np.median(interval[interval > 0])) if bool(np.any(interval > 0)) else 0.0
-    return np.asarray((np.diff(_skipped(evidence, track)) > 0) & (interval > 1.5 * usual), dtype=np.bool_)
+    return np.asarray((np.diff(_skipped_numbers(evidence, track)) > 0) & (interval > 1.5 * usual), dtype=np.bool_)
 
 
 @check(

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from ap_core.verdict import Outcome
 from viso.doctor.checks.check import Finding, Severity
-from viso.doctor.checks.phrases import at
+from viso.doctor.checks.phrases import at, how_often
 from viso.doctor.output.summary import Summary
 from viso.vehicle.outcomes.labels import Fate
 
@@ -67,8 +67,8 @@ def summary_lines(summary: Summary) -> list[str]:
     if summary.healthy_from_us is None:
         lines = ["The sensor would never be healthy."]
     else:
-        often = {0: "", 1: ", and unhealthy once"}.get(summary.unhealthy, f", and unhealthy {summary.unhealthy} times")
-        lines = [f"The sensor would be healthy from {at(summary.healthy_from_us)} on{often}."]
+        unhealthy = f", and unhealthy {how_often(summary.unhealthy)}" if summary.unhealthy else ""
+        lines = [f"The sensor would be healthy from {at(summary.healthy_from_us)} on{unhealthy}."]
     lines += [_aiding_line(summary), _own_line(summary)]
     for kind in sorted({kind for kind, _ in summary.samples}):
         counts = [(fate, summary.samples.get((kind, fate), 0)) for fate in Fate]
