@@ -121,7 +121,11 @@ def height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
         there = evidence.vehicle.height.at(poses.track.arrival_us)
         down = poses.pos_m[:, 2]
         fine = np.isfinite(there) & np.isfinite(down)
-        if np.count_nonzero(fine) < 20 or np.ptp(there[fine]) < limits.LEAST_CLIMB_M or np.std(down[fine]) == 0:
+        if (
+            np.count_nonzero(fine) < limits.FEWEST_HEIGHTS
+            or np.ptp(there[fine]) < limits.LEAST_CLIMB_M
+            or np.std(down[fine]) == 0
+        ):
             continue
         correlation = float(np.corrcoef(there[fine], down[fine])[0, 1])
         if correlation < limits.MIRRORED_CORRELATION:

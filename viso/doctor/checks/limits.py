@@ -63,6 +63,8 @@ LEAST_CLIMB_M: Final = 0.5
 """In a smaller climb the noise of heights hides which way is up."""
 MIRRORED_CORRELATION: Final = -0.7
 """Below it z and height go opposite ways; noise alone does not come so far."""
+FEWEST_HEIGHTS: Final = 20
+"""Poses with a known height of the vehicle: fewer show no correlation."""
 FEWEST_AT_REST: Final = 5
 """So many first poses must stand still before a start from the ground is believed."""
 REST_M: Final = 0.1
@@ -109,6 +111,10 @@ FEW_PERIOD_US: Final = 100_000
 """The advice is 10 messages per second, or more."""
 TOO_SOON_SHARE: Final = 0.05
 """Of the samples: single messages out of step are no pairs."""
+TWICE_SHARE: Final = 0.5
+"""Of the seconds in which a message came: two messages that come in fewer of them take turns."""
+FEWEST_TWICE_S: Final = 3
+"""Seconds in which both came: fewer may be a switch from one to the other."""
 
 # XN5: numbers.
 
@@ -124,8 +130,14 @@ THAW_M: Final = 0.2
 """A pose that goes on from further away was not at rest meanwhile."""
 MOST_BRAKING_M_S2: Final = 20.0
 """No vehicle with a camera brakes harder."""
+UNIT_CORRELATION: Final = 0.7
+"""Of velocities with the path: a wrong unit shows even in noisy ones."""
+UNIT_SCALE_WITHIN: Final = (0.7, 1.4)
+"""Times the factor of a unit: the scale may be wrong as well."""
 PATH_SCALE_OFF: Final = 0.07
 """A smaller difference may come from the noise of velocities."""
+SCALE_WITHIN: Final = (0.1, 10.0)
+"""Beyond it the unit is wrong, which is another finding."""
 VEHICLE_SCALE_OFF: Final = 0.04
 """Of VISO_SCALE: the vehicle's path is not known much better."""
 SCALE_SIGMAS: Final = 4.0
@@ -134,6 +146,22 @@ FASTEST_M_S: Final = 60.0
 """A vehicle with a camera may be thought to fly so fast."""
 GLITCH_M_S: Final = 2.0
 """No vehicle changes its velocity by as much from one message to the next, and back."""
+SPIKE_TIMES: Final = 10.0
+"""Times the usual departure from the neighbours' mean."""
+SPIKE_SIDES_SHARE: Final = 0.5
+"""Of a spike: its neighbours differ by less, or the velocity really changed."""
+STRETCH_TIMES: Final = 6.0
+"""Times the usual difference of velocity and path."""
+STRETCH_ELSEWHERE_M_S: Final = 0.5
+"""Usually velocity and path differ by less, so that they fit elsewhere."""
+FEWEST_IN_STRETCH: Final = 3
+"""Windows: fewer may be a jump of the position."""
+STRETCH_SHARE: Final = 0.5
+"""Of the windows: a velocity that is wrong in more of them has another finding."""
+DRIFT_WITHIN_M_S: Final = (0.1, 2.0)
+"""Slower drifts are usual in an odometry; faster ones are no drift."""
+DRIFT_TIMES_SPREAD: Final = 2.0
+"""Times its own spread: a drift is steady."""
 COARSE_STEP_M: Final = 0.03
 """Steps of positions that show beside the noise of a camera."""
 TOO_COARSE_STEP_M: Final = 0.1
@@ -143,6 +171,12 @@ TOO_COARSE_STEP_M: Final = 0.1
 
 JUMP_M: Final = 0.5
 """A smaller jump passes the gate of the filter, or is noise."""
+JUMP_TIMES_USUAL: Final = 8.0
+"""Times the usual departure from the expected path."""
+JUMP_WITHIN_S: Final = 2.0
+"""Over longer gaps the allowed departure does not grow."""
+JUMP_TURN_WITHIN_S: Final = 0.5
+"""The same for yaw."""
 JUMP_ACCELERATION_M_S2: Final = 20.0
 """A vehicle may leave the expected path by as much acceleration."""
 POSES_APART_M: Final = 0.5
@@ -151,18 +185,26 @@ JUMP_TURN_RAD_S2: Final = 17.0
 """A vehicle, or a hand, may turn by as much acceleration."""
 JUMP_RAD: Final = math.radians(10)
 """A smaller jump of yaw passes the gate of the filter, or is noise."""
+LEVEL_PITCH_RAD: Final = math.radians(60)
+"""In a steeper pitch a small rotation may change yaw by much."""
 JUMP_SPEED_M_S: Final = 20.0
 """The motion before a jump is carried on with this speed at most: a jump itself is no motion."""
 SHAKEN_TIMES: Final = 3.0
 """Times the turns around: while a camera is shaken, larger turns are no jumps."""
 NO_JUMP_M: Final = 0.05
 """Below it the pose went on: a re-localisation moves it further."""
+NO_JUMP_TIMES_USUAL: Final = 3.0
+"""Times the usual departure, if that is more."""
 NO_JUMP_RAD: Final = math.radians(2)
 """Below it the yaw went on."""
 NO_JUMP_WITHIN_S: Final = 1.0
 """After a longer gap nobody knows whether the pose went on."""
 COUNTER_NEIGHBOURS: Final = 2
 """Messages: a counter that changes so close to a jump belongs to it."""
+FEWEST_FLAPS: Final = 5
+"""Changes of a counter: fewer may be re-localisations."""
+FLAPS_HZ: Final = 0.5
+"""No camera re-localises more often."""
 ALIGNED_WITHIN_US: Final = 100_000
 """A jump so close to the text of an alignment is the autopilot's own."""
 FAILED_SHARE: Final = 0.1
@@ -278,6 +320,8 @@ RATIO_SOME_SHARE: Final = 0.05
 """Of the time in use: a smaller share is a note."""
 LOST_POSITION_S: Final = 0.5
 """Without a position for less, records may only have come at another moment."""
+UNHEALTHY_SHARE: Final = 0.5
+"""Of SYS_STATUS since the sensor was healthy: then it is no exception."""
 WAITED_S: Final = 10.0
 """A filter that has waited for less may only have started."""
 FEWEST_STOPS: Final = 3
@@ -334,6 +378,8 @@ OUTLIER_SHARE: Final = 0.2
 """Of the range: high up a tilt changes it by some of that."""
 OUTLIERS_SHARE: Final = 0.01
 """Of the good ranges: single outliers are lost in the filter's median of three."""
+FEWEST_OUTLIERS: Final = 3
+"""One or two outliers are an echo."""
 RANGE_LATE_US: Final = 150_000
 """In a climb of 1 m/s a shorter time is some centimetres, as the noise of heights."""
 RANGE_LATE_UNEXPLAINED: Final = 0.4

@@ -260,7 +260,7 @@ def range_outliers(evidence: Evidence) -> Iterator[Sighting]:
         around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(dist_m, 4, mode="edge"), 9), axis=1)
         off_m = np.abs(dist_m - around)
         outlier = off_m > np.maximum(limits.OUTLIER_M, limits.OUTLIER_SHARE * around)
-        if outlier.sum() >= 3 and outlier.sum() > limits.OUTLIERS_SHARE * len(dist_m):
+        if outlier.sum() >= limits.FEWEST_OUTLIERS and outlier.sum() > limits.OUTLIERS_SHARE * len(dist_m):
             shown = np.zeros(len(one), np.bool_)
             shown[chosen[outlier]] = True
             text = f"{share(int(outlier.sum()), len(dist_m))} good ranges are off by up to {off_m.max():.1f} m"

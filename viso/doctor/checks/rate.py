@@ -201,8 +201,8 @@ def same_measurement_twice(evidence: Evidence) -> Iterator[Sighting]:
     ):
         seconds = [set((track.arrival_us // _SECOND_US).tolist()) for track in tracks]
         for index in range(1, len(tracks)):
-            both = seconds[0] & seconds[index]
-            if len(both) > 0.5 * min(len(seconds[0]), len(seconds[index])) and len(both) >= 3:
+            both, shorter = seconds[0] & seconds[index], min(len(seconds[0]), len(seconds[index]))
+            if len(both) > limits.TWICE_SHARE * shorter and len(both) >= limits.FEWEST_TWICE_S:
                 one, other = tracks[0].sender, tracks[index].sender
                 yield Sighting(f"{one} and {other} both carry the {kind}", tracks[index].numbers.tolist())
 

@@ -167,7 +167,7 @@ def sensor_unhealthy(evidence: Evidence) -> Iterator[Sighting]:
     armed = sum(start <= time_us * 1e-6 <= end for time_us in later.tolist() for start, end in own.armed or ())
     while_armed = f", {armed} of them armed" if armed else ""
     since = int((enabled & (vision.time_us >= first_well_us)).sum())
-    much = len(later) > 0.5 * since or armed > limits.RATIO_MUCH_SHARE * since
+    much = len(later) > limits.UNHEALTHY_SHARE * since or armed > limits.RATIO_MUCH_SHARE * since
     yield Sighting(
         f"SYS_STATUS: once healthy, the vision sensor is unhealthy in {share(len(later), since)} messages"
         f"{while_armed}, first at {at(later[0])}",

@@ -67,18 +67,18 @@ def _steps(poses: Poses) -> _Steps:
 
 def _jumped(steps: _Steps) -> Bools:
     allowed = (
-        np.maximum(limits.JUMP_M, 8 * steps.usual_m)
-        + 0.5 * limits.JUMP_ACCELERATION_M_S2 * np.minimum(steps.dt_s, 2.0) ** 2
+        np.maximum(limits.JUMP_M, limits.JUMP_TIMES_USUAL * steps.usual_m)
+        + 0.5 * limits.JUMP_ACCELERATION_M_S2 * np.minimum(steps.dt_s, limits.JUMP_WITHIN_S) ** 2
     )
     return np.asarray(steps.position_m > allowed, dtype=np.bool_)
 
 
 def _turned(steps: _Steps, poses: Poses) -> Bools:
     pitch = np.abs(euler_of_quat(poses.quat_wxyz)[1:, 1])
-    level = pitch < math.radians(60)  # in a nose dive a small rotation may change yaw by much
+    level = pitch < limits.LEVEL_PITCH_RAD
     allowed = (
         limits.JUMP_RAD
-        + 0.5 * limits.JUMP_TURN_RAD_S2 * np.minimum(steps.dt_s, 0.5) ** 2
+        + 0.5 * limits.JUMP_TURN_RAD_S2 * np.minimum(steps.dt_s, limits.JUMP_TURN_WITHIN_S) ** 2
         + limits.SHAKEN_TIMES * _shaking_rad(steps.turn_rad)
     )
     return np.asarray((level | (_rotation_off_rad(poses) > allowed)) & (steps.turn_rad > allowed), dtype=np.bool_)
@@ -228,7 +228,7 @@ def counter_without_jump(evidence: Evidence) -> Iterator[Sighting]:
         if _counter_flaps(poses):
             continue
         steps = resets.steps
-        near = max(limits.NO_JUMP_M, 3 * steps.usual_m)
+        near = max(limits.NO_JUMP_M, limits.NO_JUMP_TIMES_USUAL * steps.usual_m)
         quiet = (
             (steps.position_m < near) & (steps.turn_rad < limits.NO_JUMP_RAD) & (steps.dt_s < limits.NO_JUMP_WITHIN_S)
         )
@@ -239,7 +239,7 @@ def counter_without_jump(evidence: Evidence) -> Iterator[Sighting]:
 
 def _counter_flaps(poses: Poses) -> bool:
     changes = int(np.count_nonzero(np.diff(poses.reset_counter)))
-    return changes >= 5 and changes > 0.5 * max(poses.track.span_s, 1.0)
+    return changes >= limits.FEWEST_FLAPS and changes > limits.FLAPS_HZ * max(poses.track.span_s, 1.0)
 
 
 @check(
@@ -261,7 +261,7 @@ def counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
     counters = [int(getattr(one.message, "reset_counter", 0)) for one in poses]
     changed = [one for one, a, b in zip(poses[1:], counters, counters[1:], strict=False) if a != b]
     span_s = max((poses[-1].arrival_us - poses[0].arrival_us) * 1e-6, 1.0)
-    if len(changed) >= 5 and len(changed) > 0.5 * span_s:
+    if len(changed) >= limits.FEWEST_FLAPS and len(changed) > limits.FLAPS_HZ * span_s:
         yield Sighting.in_messages(f"reset_counter changes {len(changed)} times in {span_s:.1f} s", changed)
 
 

@@ -43,10 +43,11 @@ def _scaled_fit(motion: Motion) -> Agreement | None:
 )
 def length_unit(evidence: Evidence) -> Iterator[Sighting]:
     reported = set()
+    low, high = limits.UNIT_SCALE_WITHIN
     for motion in evidence.stream.motions:
         fit = _scaled_fit(motion)
         for factor, unit in _UNITS:
-            if fit is not None and fit.correlation > 0.7 and 0.7 < fit.scale / factor < 1.4:
+            if fit is not None and fit.correlation > limits.UNIT_CORRELATION and low < fit.scale / factor < high:
                 reported.add(motion.pose_sender)
                 text = f"the path is {fit.scale:.3g} times what velocities say: positions look like {unit}"
                 yield Sighting.in_track(f"{motion.pose_sender}: {text}", motion)
@@ -79,11 +80,12 @@ def _path_speed(poses: Poses) -> float:
     fix="Correct the scale at the source, or set VISO_SCALE.",
 )
 def path_against_velocities(evidence: Evidence) -> Iterator[Sighting]:
+    low, high = limits.SCALE_WITHIN
     for motion in evidence.stream.motions:
         fit = _scaled_fit(motion)
         if fit is None or fit.correlation < limits.FITS_CORRELATION:
             continue
-        if abs(fit.scale - 1) > limits.PATH_SCALE_OFF and 0.1 < fit.scale < 10:
+        if abs(fit.scale - 1) > limits.PATH_SCALE_OFF and low < fit.scale < high:
             scale = evidence.param("VISO_SCALE") / fit.scale
             cure = f"set VISO_SCALE to {scale:.3f}, or correct the source; else correct them."
             yield Sighting.in_track(
@@ -164,7 +166,9 @@ def velocity_spikes(evidence: Evidence) -> Iterator[Sighting]:
         sides = np.linalg.norm(used[2:] - used[:-2], axis=1)
         usual = median_of(off)
         mask = np.zeros(len(track), dtype=np.bool_)
-        mask[1:-1] = (off > max(limits.GLITCH_M_S, 10 * usual)) & (sides < 0.5 * off)
+        mask[1:-1] = (off > max(limits.GLITCH_M_S, limits.SPIKE_TIMES * usual)) & (
+            sides < limits.SPIKE_SIDES_SHARE * off
+        )
         if mask.any():
             yield from masked(f"have a velocity that is up to {np.max(off[mask[1:-1]]):.1f} m/s off", track, mask)
 
@@ -185,9 +189,10 @@ def velocity_leaves_path(evidence: Evidence) -> Iterator[Sighting]:
         fit = agreement(motion.path, motion.used)
         off = np.linalg.norm(motion.path - motion.used, axis=1)
         usual = float(np.median(off))
-        mask = off > max(limits.GLITCH_M_S, 6 * usual)
+        mask = off > max(limits.GLITCH_M_S, limits.STRETCH_TIMES * usual)
         mask &= np.linalg.norm(motion.used, axis=1) > 2 * np.linalg.norm(motion.path, axis=1) + 1
-        if usual < 0.5 and 3 <= np.count_nonzero(mask) < 0.5 * len(mask) and fit.scale > 0:
+        is_stretch = limits.FEWEST_IN_STRETCH <= np.count_nonzero(mask) < limits.STRETCH_SHARE * len(mask)
+        if usual < limits.STRETCH_ELSEWHERE_M_S and is_stretch and fit.scale > 0:
             chosen = np.flatnonzero(mask)
             text = f"velocity leaves the path by up to {off[mask].max():.1f} m/s"
             start = at(motion.arrival_us[chosen[0]])
@@ -203,6 +208,7 @@ def velocity_leaves_path(evidence: Evidence) -> Iterator[Sighting]:
     fix="Look for a drift of the source's map or a bias of its velocity.",
 )
 def position_drift(evidence: Evidence) -> Iterator[Sighting]:
+    low, high = limits.DRIFT_WITHIN_M_S
     for motion in evidence.stream.motions:
         if len(motion.numbers) < 3 * FEWEST_MESSAGES:
             continue
@@ -210,7 +216,7 @@ def position_drift(evidence: Evidence) -> Iterator[Sighting]:
         bias = np.median(off, axis=0)
         spread = np.median(np.abs(off - bias), axis=0)
         size = float(np.linalg.norm(bias))
-        if 0.1 < size < 2.0 and size > 2 * float(np.linalg.norm(spread)):
+        if low < size < high and size > limits.DRIFT_TIMES_SPREAD * float(np.linalg.norm(spread)):
             text = f"positions move by {size:.2f} m/s more than velocities say, all the time"
             yield Sighting.in_track(f"{motion.pose_sender}: {text}", motion)
 
