@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The way of a frame from the camera to its result, from top to bottom.
+"""The way of a frame from the camera to its result; read it from top to bottom.
 
 :class:`VioPipeline` takes a frame and the inertial data since the last one, gives both to the strategy, and the result
 to its listeners; :class:`~viso.companion.odometry.source.OdometrySource` is the one that makes ODOMETRY of it.
-:class:`StrategyBase` checks the frame, lets the estimator work on it, and judges by the health what it found.
+:class:`StrategyBase` checks the frame, lets the estimator work on it, and judges by its health what came of it.
 """
 
 import abc
@@ -199,56 +199,18 @@ class StrategyBase(abc.ABC):
                     self._fail(error)
                     return self._made(Lost)
 
-    def reset(self, start: WarmStartPose) -> None:
-        """Forget all and start from a given state.
-
-        Raises VioFatalError if the state is not finite or its rotation none; or another call is under way.
-        """
-        with self._alone():
-            try:
-                checked = _checked(start)
-            except (ValueError, TypeError, AttributeError) as error:
-                raise VioFatalError(f"bad warm start: {error}") from error
-            try:
-                self._reset(checked)
-            except Exception as error:
-                raise VioFatalError(self._fail(error)) from error
-            self.health.warm_start()
-            self._log.warm_start_applied(checked)
-
-    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:  # noqa: B027  # none has to take it
-        """Note a height of the body above the ground, from any thread; not every strategy makes use of it.
-
-        Args:
-            t_ns: when, by the IMU's clock.
-            height_m: from range finder or barometer, corrected for the tilt.
-            sigma_m: its standard deviation.
-        """
-
-    def close(self) -> None:  # noqa: B027  # few have something to close
-        """Release all system resources; nothing is processed after that."""
+    def _check(self, frame: NavCameraFrame) -> None:
+        calibration = self.context.calibration
+        if frame.camera_id != calibration.camera_id:
+            raise VioFatalError(f"frame of camera {frame.camera_id!r}, strategy for {calibration.camera_id!r}")
+        height, width = frame.pixels.shape[:2]
+        if (width, height) != (calibration.width, calibration.height):
+            size = f"{calibration.width}x{calibration.height}"
+            raise VioFatalError(f"frame of {width}x{height} pixels, calibration of {size}")
 
     @abc.abstractmethod
     def _process(self, frame: NavCameraFrame, imu_window: ImuWindow) -> Result:
         """Work on a frame that has passed the checks; return what ``_conclude`` returns. Any exception ends in LOST."""
-
-    @abc.abstractmethod
-    def _reset(self, start: WarmStartPose | None) -> None:
-        """Forget all; take a state that has passed the checks, or wait for stillness, as when new (None)."""
-
-    def counters(self) -> Mapping[str, int]:
-        """Return how often what else has happened since the start, for the results."""
-        return {}
-
-    @contextlib.contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Measure how long a stage of ``_process`` takes; several of one name add up."""
-        begin_ns = self.context.clock_ns()
-        try:
-            yield
-        finally:
-            ms = (self.context.clock_ns() - begin_ns) * 1e-6
-            self._stage_ms[name] = self._stage_ms.get(name, 0.0) + ms
 
     def _conclude(self, facts: FrameFacts, output: VioOutput | None) -> Result:
         """Judge a frame by its facts; return its result.
@@ -285,16 +247,16 @@ class StrategyBase(abc.ABC):
 
     def _initializing(self, reason: str | None = None) -> Initializing:
         """Return the result of a frame without a state; None for the health's reason."""
-        result = self._made(Initializing, is_warm=self.health.is_warm)
-        return result if reason is None else dataclasses.replace(result, reason=reason)
+        return self._made(Initializing, reason, is_warm=self.health.is_warm)
 
-    def _made(self, kind: Callable[..., _R], **more: object) -> _R:
+    def _made(self, kind: Callable[..., _R], reason: str | None = None, **more: object) -> _R:
+        """Return a result of the frame that is worked on; None for the health's reason."""
         (frame_id, sequence), health = self._ids, self.health.snapshot()
         return kind(
             frame_id=frame_id,
             sequence=sequence,
             t_ns=self._t_ns,
-            reason=health.reason,
+            reason=health.reason if reason is None else reason,
             consecutive_lost=health.consecutive_lost,
             bias_norm=health.bias_norm,
             innovation_ratio=self._innovation_ratio,
@@ -304,6 +266,60 @@ class StrategyBase(abc.ABC):
             **more,
         )
 
+    def _fail(self, error: Exception) -> str:
+        """Go to LOST because of an exception; return the reason."""
+        reason = str(error) if isinstance(error, VioFatalError) else f"{type(error).__name__}: {error}"
+        self.health.fail(reason, self._t_ns)
+        self._log.fatal(reason, error)
+        return reason
+
+    def reset(self, start: WarmStartPose) -> None:
+        """Forget all and start from a given state.
+
+        Raises VioFatalError if the state is not finite or its rotation none; or another call is under way.
+        """
+        with self._alone():
+            try:
+                checked = _checked(start)
+            except (ValueError, TypeError, AttributeError) as error:
+                raise VioFatalError(f"bad warm start: {error}") from error
+            try:
+                self._reset(checked)
+            except Exception as error:
+                raise VioFatalError(self._fail(error)) from error
+            self.health.warm_start()
+            self._log.warm_start_applied(checked)
+
+    @abc.abstractmethod
+    def _reset(self, start: WarmStartPose | None) -> None:
+        """Forget all; take a state that has passed the checks, or wait for stillness, as when new (None)."""
+
+    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:  # noqa: B027  # none has to take it
+        """Note a height of the body above the ground, from any thread; not every strategy makes use of it.
+
+        Args:
+            t_ns: when, by the IMU's clock.
+            height_m: from range finder or barometer, corrected for the tilt.
+            sigma_m: its standard deviation.
+        """
+
+    def close(self) -> None:  # noqa: B027  # few have something to close
+        """Release all system resources; nothing is processed after that."""
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how often what else has happened since the start, for the results."""
+        return {}
+
+    @contextlib.contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Measure how long a stage of ``_process`` takes; several of one name add up."""
+        begin_ns = self.context.clock_ns()
+        try:
+            yield
+        finally:
+            ms = (self.context.clock_ns() - begin_ns) * 1e-6
+            self._stage_ms[name] = self._stage_ms.get(name, 0.0) + ms
+
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
         if not self._busy.acquire(blocking=False):
@@ -312,22 +328,6 @@ class StrategyBase(abc.ABC):
             yield
         finally:
             self._busy.release()
-
-    def _fail(self, error: Exception) -> str:
-        """Go to LOST because of an exception; return the reason."""
-        reason = str(error) if isinstance(error, VioFatalError) else f"{type(error).__name__}: {error}"
-        self.health.fail(reason, self._t_ns)
-        self._log.fatal(reason, error)
-        return reason
-
-    def _check(self, frame: NavCameraFrame) -> None:
-        calibration = self.context.calibration
-        if frame.camera_id != calibration.camera_id:
-            raise VioFatalError(f"frame of camera {frame.camera_id!r}, strategy for {calibration.camera_id!r}")
-        height, width = frame.pixels.shape[:2]
-        if (width, height) != (calibration.width, calibration.height):
-            size = f"{calibration.width}x{calibration.height}"
-            raise VioFatalError(f"frame of {width}x{height} pixels, calibration of {size}")
 
     def _on_transition(self, old: VioState, new: VioState, reason: str) -> None:
         self._log.state_change(old, new, reason, self.health.snapshot().consecutive_lost)
