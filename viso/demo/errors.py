@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from viso.demo.loop import LoopSetup
 from viso.demo.record import Arrived, Estimate
-from viso.geometry.rotation import Array, euler_from_rotations, rotation_from_quat_wxyz
+from viso.geometry.rotation import Array, euler_from_rotations, rotations_from_quats
 from viso.vehicle.sensors.world_flight import WorldFlight
 
 IN_FLIGHT_M: Final = 1.0
@@ -100,7 +100,7 @@ def _against_truth(
 ) -> PoseErrors:
     t_s = np.array(time_us, np.float64) * 1e-6
     true_ned, true_rotation = truth(setup, t_s)
-    rotation = np.array([rotation_from_quat_wxyz(quat) for quat in quats_wxyz]).reshape(-1, 3, 3)
+    rotation = rotations_from_quats(np.array(quats_wxyz).reshape(-1, 4))
     across = np.cross(rotation[:, 2], true_rotation[:, 2])  # of where each has down in the body
     turned = euler_from_rotations(rotation)[:, 2] - euler_from_rotations(true_rotation)[:, 2]
     return PoseErrors(

@@ -12,7 +12,7 @@ from viso.companion.vio.config import ImuNoise
 from viso.companion.vio.types import ImuBias
 from viso.companion.world.flight import SyntheticFlight
 from viso.companion.world.ground import generate_texture
-from viso.companion.world.motion import Trajectory, nadir_survey
+from viso.companion.world.motion import FlightPath, nadir_survey
 from viso.companion.world.texture import GroundTexture
 from viso.geometry.rotation import Array
 
@@ -48,7 +48,7 @@ class SurveyPlan:
     extent_m: float | None = None
     seed: int = 0
 
-    def trajectory(self) -> Trajectory:
+    def trajectory(self) -> FlightPath:
         """Return the flight."""
         survey = nadir_survey(self.speed_m_s, self.height_m, self.extent_m, self.seed)
 
@@ -69,7 +69,7 @@ class SurveyPlan:
             place[..., 2] = STAND_M + (place[..., 2] - STAND_M) * up(t_s)
             return place
 
-        return Trajectory(
+        return FlightPath(
             position, lambda t_s: survey.yaw_rad(flown(t_s)), lambda t_s: survey.lean(flown(t_s)) * up(t_s)[..., None]
         )
 

@@ -22,7 +22,7 @@ from viso.vehicle.config import by_ekf3
 from viso.vehicle.outcomes.watch import AidingSpan
 from viso.vehicle.sensors.errors import SensorErrors
 from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.script.legs import Motion, Trajectory
+from viso.vehicle.sensors.script.legs import Motion, ScriptedPath
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.script.script_file import Script
 from viso.vehicle.sensors.vectors import Three
@@ -88,7 +88,7 @@ def _three(vector: Vector) -> Three:
 
 def flight_source(flight: Flight, options: ImuOptions) -> ScriptSource:
     """Return the sensors of a vehicle that flies it, whether armed or not."""
-    return ScriptSource(options, Script(Trajectory([FlightLeg(flight)], tilts=False), flight.start_s, 0.0))
+    return ScriptSource(options, Script(ScriptedPath([FlightLeg(flight)], tilts=False), flight.start_s, 0.0))
 
 
 class PoseSample(NamedTuple):

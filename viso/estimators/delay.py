@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viso.estimators.least_squares import blocks_of, fit
-from viso.estimators.pairs import TurnPair, centred, correlation_of, turn_pair
+from viso.estimators.turning import TurnPair, centred, correlation_of, turn_pair
 from viso.geometry.rotation import Array, best_rotation, skews
 
 SEARCH_MS: Final = (-100.0, 400.0)

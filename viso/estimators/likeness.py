@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from viso.estimators.pairs import correlation_of
 from viso.estimators.positions import WINDOW_S, Moves, best_turn, clean, interpolated, moves_of
+from viso.estimators.turning import correlation_of
 from viso.geometry.rotation import Array
 
 LEAST_FLOWN_M: Final = 2.0

@@ -17,8 +17,7 @@ import numpy.typing as npt
 
 from viso.estimators.axis_rotations import BODY_WORDS, EARTH_WORDS, PROPER, AxisMap
 from viso.estimators.least_squares import FEWEST_BLOCKS, blocks_of, mean_and_sigma
-from viso.estimators.pairs import centred, correlation_of, turn_pair
-from viso.estimators.turning import attitudes_of
+from viso.estimators.turning import attitudes_of, centred, correlation_of, turn_pair
 from viso.geometry.rotation import Array, best_rotation, rotations_from_quats
 
 LEAST_CORRELATION: Final = 0.6

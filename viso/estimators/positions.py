@@ -15,8 +15,7 @@ import numpy.typing as npt
 from viso.estimators.axis_rotations import EARTH_WORDS, MIRRORED, PROPER
 from viso.estimators.least_squares import blocks_of, fit, inliers
 from viso.estimators.orientation import UNDECIDED, ChosenAxes, choose_axes
-from viso.estimators.pairs import centred, correlation_of
-from viso.estimators.turning import newest, windows
+from viso.estimators.turning import centred, correlation_of, newest, windows
 from viso.geometry.rotation import Array, rotations_from_euler
 
 WINDOW_S: Final = 2.0

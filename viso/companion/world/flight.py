@@ -22,7 +22,7 @@ from viso.companion.vio.types import (
     WarmStartPose,
 )
 from viso.companion.world.ground import generate_texture
-from viso.companion.world.motion import Trajectory, nadir_survey
+from viso.companion.world.motion import FlightPath, nadir_survey
 from viso.companion.world.texture import DEFAULT_NOISE_SIGMA, GroundTexture
 from viso.geometry.pose import SE3
 from viso.geometry.rotation import Array, so3_exp
@@ -76,7 +76,7 @@ class SimulatedImu:
         start_ns: stamp of the trajectory's time 0, and of the first sample.
     """
 
-    trajectory: Trajectory
+    trajectory: FlightPath
     noise: ImuNoise = field(default_factory=ImuNoise)
     bias: ImuBias = field(default_factory=default_bias)
     rate_hz: int = DEFAULT_RATE_HZ
@@ -127,7 +127,7 @@ class SyntheticFlight:
     """
 
     seed: int = 0
-    trajectory: Trajectory = field(default_factory=nadir_survey)
+    trajectory: FlightPath = field(default_factory=nadir_survey)
     texture: GroundTexture = field(default_factory=generate_texture)
     place: "Place | None" = None
     calibration: CameraCalibration = field(default_factory=nadir_calibration)

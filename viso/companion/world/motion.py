@@ -53,7 +53,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
-class Trajectory:
+class FlightPath:
     """A flight as functions of an array of times in s, each defined (and smooth) at all times.
 
     Attributes:
@@ -109,7 +109,7 @@ class Trajectory:
 
 def nadir_survey(
     speed_m_s: float = 8.0, height_m: float = 40.0, extent_m: float | None = None, seed: int = 0
-) -> Trajectory:
+) -> FlightPath:
     """Return a flight along a figure of eight, nose ahead, the height a little up and down; in full flight at time 0.
 
     Args:
@@ -139,10 +139,10 @@ def nadir_survey(
         course: Array = turn + _course(phase(t_s))
         return course
 
-    return Trajectory(position, yaw, _gusts(rng, 0.05))
+    return FlightPath(position, yaw, _gusts(rng, 0.05))
 
 
-def hover(height_m: float = 40.0, seed: int = 0) -> Trajectory:
+def hover(height_m: float = 40.0, seed: int = 0) -> FlightPath:
     """Return a flight that is to stay where it is: it sways by some 0.3 m in 10 s, and leans against gusts."""
     rng = np.random.default_rng([seed, 8])
     rates, phases = rng.uniform(0.4, 0.8, 3), rng.uniform(0, 2 * math.pi, 3)
@@ -157,10 +157,10 @@ def hover(height_m: float = 40.0, seed: int = 0) -> Trajectory:
         wavering: Array = heading + 0.02 * np.sin(0.5 * t_s)
         return wavering
 
-    return Trajectory(position, yaw, _gusts(rng, 0.03))
+    return FlightPath(position, yaw, _gusts(rng, 0.03))
 
 
-def room_tour(speed_m_s: float = 1.2, seed: int = 0) -> Trajectory:
+def room_tour(speed_m_s: float = 1.2, seed: int = 0) -> FlightPath:
     """Return rounds in a room, 4 m long and half as wide, 1.5 m above its floor, looking around."""
     rng = np.random.default_rng([seed, 9])
     course = nadir_survey(speed_m_s, 1.5, 4.0, seed)
@@ -174,7 +174,7 @@ def room_tour(speed_m_s: float = 1.2, seed: int = 0) -> Trajectory:
         swaying: Array = course.position_w(t_s) + 0.2 * np.sin(0.9 * t_s + phase)[..., None] * np.array([0.0, 0.0, 1.0])
         return swaying
 
-    return Trajectory(position, yaw, _gusts(rng, 0.05))
+    return FlightPath(position, yaw, _gusts(rng, 0.05))
 
 
 def _mean_slope() -> float:

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
-from viso.companion.world.motion import Trajectory as WorldTrajectory
+from viso.companion.world.motion import FlightPath
 from viso.geometry.rotation import Array, euler_from_rotations
 from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.script.legs import Motion, Trajectory
+from viso.vehicle.sensors.script.legs import Motion, ScriptedPath
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.script.script_file import Script
 from viso.vehicle.sensors.vectors import Three
@@ -23,7 +23,7 @@ _STILL: Final[Three] = (0.0, 0.0, 0.0)
 class WorldFlight:
     """A trajectory of the world (ENU, FLU), at rest at its time 0, as NED from where it begins, in FRD axes."""
 
-    def __init__(self, trajectory: WorldTrajectory) -> None:
+    def __init__(self, trajectory: FlightPath) -> None:
         self._trajectory = trajectory
         self._start_w = trajectory.position_w(np.zeros(1))[0]
 
@@ -61,7 +61,7 @@ class WorldLeg:
         return [Motion((*p,), (*v,), _STILL, (*angles,)) for p, v, angles in rows]
 
 
-def flight_source(trajectory: WorldTrajectory, start_s: float, options: ImuOptions) -> ScriptSource:
+def flight_source(trajectory: FlightPath, start_s: float, options: ImuOptions) -> ScriptSource:
     """Return the sensors of a vehicle that flies it, whether armed or not.
 
     Args:
@@ -70,4 +70,4 @@ def flight_source(trajectory: WorldTrajectory, start_s: float, options: ImuOptio
         options: compass and errors.
     """
     leg = WorldLeg(WorldFlight(trajectory))
-    return ScriptSource(options, Script(Trajectory([leg], tilts=False), start_s, 0.0))
+    return ScriptSource(options, Script(ScriptedPath([leg], tilts=False), start_s, 0.0))

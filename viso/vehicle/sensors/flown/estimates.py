@@ -59,7 +59,7 @@ def estimates(log: LogColumns, lane: int) -> Flight | None:
     vel, acc = smoothed(track[:, 0], _without_jumps(track), sigma)
     gained = hermite(track[:, 0], vel, acc, end_s) - hermite(track[:, 0], vel, acc, begin_s)
     gained[:, 2] -= GRAVITY_MSS * PASS_US * _S
-    del_vel, del_ang = rotate(inverse(quats), gained), _turns_between(before, quats)
+    del_vel, del_ang = rotate(inverse(quats), gained), rotation_vectors_from_quats(product(inverse(before), quats))
     notes = [] if has_velocity else ["no XKF1 in the log: velocity is what POS moves by"]
     return flight_of(log, lane, Basis.ESTIMATE, pass_us, del_vel, del_ang, (*notes, *gaps_in(track[:, 0])))
 
@@ -151,15 +151,6 @@ def _smooth_attitude(rows: Array, at_s: Array) -> Array:
     curve = hermite(rows[:, 0], wxyz, np.gradient(wxyz, rows[:, 0], axis=0), at_s)
     unit: Array = curve / np.linalg.norm(curve, axis=1, keepdims=True)
     return unit
-
-
-def _turns_between(first_wxyz: Array, second_wxyz: Array) -> Array:
-    """Return the rotation vectors from attitudes to others, which are nearly the same."""
-    before, after = first_wxyz[:, 1:], second_wxyz[:, 1:]
-    half_sines = first_wxyz[:, :1] * after - second_wxyz[:, :1] * before - np.cross(before, after)
-    squared = np.sum(half_sines**2, axis=1, keepdims=True)
-    turns: Array = 2.0 * half_sines * (1.0 + squared / 6.0)
-    return turns
 
 
 def smoothed(time_s: Array, states: Array, velocity_sigma: float) -> tuple[Array, Array]:

@@ -225,7 +225,7 @@ def tilt_of(motion: Motion) -> tuple[float, float]:
     return math.asin(right / math.hypot(ahead, right, up)), math.atan2(-ahead, up)
 
 
-class Trajectory:
+class ScriptedPath:
     """Legs one after the other, at rest before the first and after the last.
 
     Args:

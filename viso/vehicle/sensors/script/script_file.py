@@ -67,8 +67,8 @@ from viso.vehicle.sensors.script.legs import (
     Leg,
     Motion,
     PointLeg,
+    ScriptedPath,
     SquareLeg,
-    Trajectory,
     circle,
     figure_eight,
     line,
@@ -96,7 +96,7 @@ EXAMPLES: Final[Mapping[str, Path]] = MappingProxyType(
 class Script:
     """A trajectory, and when it starts: in s since boot, or None for a delay in s after arming."""
 
-    trajectory: Trajectory
+    trajectory: ScriptedPath
     start_s: float | None
     delay_s: float
 
@@ -117,7 +117,7 @@ def parse_script(text: str, name: str, heading_rad: float = 0.0) -> Script:
     stands = table.three("position_ned_m", MAX_M, (0.0, 0.0, 0.0))
     legs = _read_legs(table, stands, math.radians(heading_deg), tilts=tilts)
     table.check_all_known()
-    return Script(Trajectory(legs, tilts=tilts), start_s, delay_s)
+    return Script(ScriptedPath(legs, tilts=tilts), start_s, delay_s)
 
 
 def _read_start(table: TomlTable) -> tuple[float | None, float]:

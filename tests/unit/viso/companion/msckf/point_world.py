@@ -17,7 +17,7 @@ from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.imu import ImuSteps
 from viso.companion.vio.types import ImuBias, ImuSample, ImuWindow
 from viso.companion.world.flight import SimulatedImu, default_bias
-from viso.companion.world.motion import Trajectory, nadir_survey
+from viso.companion.world.motion import FlightPath, nadir_survey
 from viso.geometry.pose import SE3
 from viso.geometry.rotation import Array, so3_exp
 
@@ -101,7 +101,7 @@ class PointWorld:
     def __init__(
         self,
         seed: int = 0,
-        trajectory: Trajectory | None = None,
+        trajectory: FlightPath | None = None,
         period_ms: int = 100,
         spacing_m: float = 5.0,
         relief_m: float = 0.0,

@@ -24,7 +24,7 @@ from viso.companion.msckf.multi_state import Below, Plane
 from viso.companion.msckf.window_filter import ACCEL, GYRO, VEL, WindowFilter
 from viso.companion.vio.types import ImuSample, ImuWindow
 from viso.companion.world.flight import default_bias
-from viso.companion.world.motion import Trajectory, hover, nadir_survey
+from viso.companion.world.motion import FlightPath, hover, nadir_survey
 from viso.geometry.pose import SE3
 
 CLONES = 11
@@ -263,7 +263,7 @@ def test_filter_is_healthy_after_three_hundred_frames(relief_m: float, plane: Pl
     ],
 )
 def test_points_are_held_where_the_body_hardly_moves_not_where_the_state_is_wrong(
-    trajectory: Trajectory, factor: float, below: Below | None, holds: bool
+    trajectory: FlightPath, factor: float, below: Below | None, holds: bool
 ) -> None:
     world = PointWorld(trajectory=trajectory)
     pose, velocity_w = world.start()

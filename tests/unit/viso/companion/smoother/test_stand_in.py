@@ -11,13 +11,13 @@ pytest.importorskip("gtsam")
 from tests.unit.viso.companion.msckf.point_world import B_T_C, NOISE, SIGMA, PointWorld, filter_at
 from viso.companion.msckf.multi_state import Below
 from viso.companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
-from viso.companion.world.motion import Trajectory, hover, nadir_survey
+from viso.companion.world.motion import FlightPath, hover, nadir_survey
 
 
 class Flight:
     """A flight over points, with a node each 0.2 s, from a velocity that is 0.1 m/s off."""
 
-    def __init__(self, trajectory: Trajectory) -> None:
+    def __init__(self, trajectory: FlightPath) -> None:
         self.world = PointWorld(trajectory=trajectory, period_ms=200)
         pose, velocity_w = self.world.start()
         self.estimator = SmootherEstimator(

@@ -4,13 +4,13 @@
 
 import numpy as np
 
-from viso.companion.world.motion import Trajectory
+from viso.companion.world.motion import FlightPath
 from viso.geometry.rotation import Array
 
 
 def from_ground(
-    flight: Trajectory, still_s: float = 10.0, climb_s: float = 10.0, ramp_s: float = 5.0, stand_m: float = 0.25
-) -> Trajectory:
+    flight: FlightPath, still_s: float = 10.0, climb_s: float = 10.0, ramp_s: float = 5.0, stand_m: float = 0.25
+) -> FlightPath:
     """Return a flight that begins at rest on the ground, climbs, and then goes over into another one.
 
     Args:
@@ -36,7 +36,7 @@ def from_ground(
     def lean(t_s: Array) -> Array:
         return flight.lean(t_s) * _step((t_s - still_s) / climb_s)[..., None]
 
-    return Trajectory(position, yaw, lean)
+    return FlightPath(position, yaw, lean)
 
 
 def _step(x: Array) -> Array:

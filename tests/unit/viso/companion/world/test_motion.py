@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.frames import GRAVITY_MSS
-from viso.companion.world.motion import Trajectory, nadir_survey
+from viso.companion.world.motion import FlightPath, nadir_survey
 from viso.geometry.rotation import so3_exp, so3_log, yaw_of
 
 SURVEY = nadir_survey(seed=1)
@@ -70,7 +70,7 @@ def test_single_pose_and_velocity_are_those_of_the_motion(name: str, time_s: flo
     assert flight.velocity_w(time_s) == pytest.approx(motion.velocity_w[0], abs=1e-12)
 
 
-def lean_deg(flight: Trajectory) -> np.ndarray:
+def lean_deg(flight: FlightPath) -> np.ndarray:
     return np.degrees(np.arccos(flight.motion(np.arange(0, 60, 0.1)).rotation_wb[:, 2, 2]))
 
 
