@@ -24,7 +24,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.vehicle.sensors.airframe import Airframe
-from viso.vehicle.sensors.vectors import Three, added, to_body, turned
+from viso.vehicle.sensors.vectors import Three, added, to_body, yawed
 
 SYSTEM_ID: Final = 17
 COMPONENT_ID: Final = 18
@@ -115,7 +115,7 @@ class Vicon:
         turned_rad = math.radians(params.get_int("YAW"))
         if turned_rad:
             yaw = math.remainder(yaw - turned_rad, 2.0 * math.pi)
-            pos, vel = turned(pos, -turned_rad), turned(vel, -turned_rad)
+            pos, vel = yawed(pos, -turned_rad), yawed(vel, -turned_rad)
         vel = added(vel, self._noise("V_SD"))
         yaw = math.remainder(yaw + math.radians(params.get_int("YAWERR")), 2.0 * math.pi)
         send_us = now_us + 1000 * (LEAST_DELAY_MS + self._draw.randrange(DELAYS_MS))

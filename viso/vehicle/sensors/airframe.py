@@ -10,10 +10,10 @@ import math
 from typing import Final, NamedTuple
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.core.vectors import quat_of_euler
+from ekf_stub.core.vectors import quat_of_euler, scaled
 from ekf_stub.inputs.measurements import InertialDelta
 from viso.vehicle.sensors.motion import Moving, State, Truth, delta_between
-from viso.vehicle.sensors.vectors import ZERO, Three, added, scaled
+from viso.vehicle.sensors.vectors import ZERO, Three, added
 
 LEAN_LAG_S: Final = 0.1
 THRUST_LAG_S: Final = 0.05

@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.core.vectors import quat_of_euler
+from ekf_stub.core.vectors import quat_of_euler, scaled
 from ekf_stub.inputs.measurements import Array, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.vehicle.sensors.errors import exact_delta
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 from viso.vehicle.sensors.source import VehicleSource
-from viso.vehicle.sensors.vectors import scaled, to_body
+from viso.vehicle.sensors.vectors import to_body
 
 NOMINAL_US: Final = 2500
 SHORTEST_US: Final = NOMINAL_US // 4

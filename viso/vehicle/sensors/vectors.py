@@ -8,7 +8,7 @@ Quaternions are w, x, y, z and turn the body (FRD) to the earth (NED). More is i
 import math
 from typing import Final
 
-from ekf_stub.core.vectors import Quat, conjugate, normalized, rotated, rotation_vector, times
+from ekf_stub.core.vectors import Quat, conjugate, normalized, rotated, rotation_vector, scaled, times
 
 Three = tuple[float, float, float]
 
@@ -20,12 +20,7 @@ def added(vector: Three, other: Three, factor: float = 1.0) -> Three:
     return vector[0] + factor * other[0], vector[1] + factor * other[1], vector[2] + factor * other[2]
 
 
-def scaled(vector: Three, factor: float) -> Three:
-    """Return a multiple of a vector."""
-    return factor * vector[0], factor * vector[1], factor * vector[2]
-
-
-def turned(vector: Three, angle_rad: float) -> Three:
+def yawed(vector: Three, angle_rad: float) -> Three:
     """Return a vector turned about the vertical, to the right."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1], vector[2]

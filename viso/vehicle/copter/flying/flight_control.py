@@ -27,7 +27,7 @@ from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import FlightModes, ModeNumber
 from viso.vehicle.sensors.airframe import MOTORS_OFF, Airframe, Demand
-from viso.vehicle.sensors.vectors import Three, turned
+from viso.vehicle.sensors.vectors import Three, yawed
 
 if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle
@@ -247,7 +247,7 @@ class FlightControl:
         if lean is None and steering.estimate.pos is None:
             lean = Lean(0.0, 0.0)
         if lean is None:
-            ahead, right, _ = turned((north, east, down), -steering.estimate.yaw_rad)
+            ahead, right, _ = yawed((north, east, down), -steering.estimate.yaw_rad)
             pitch = math.atan(-ahead / GRAVITY_MSS)
             roll = math.atan(right * math.cos(pitch) / GRAVITY_MSS)
             largest = max(abs(pitch), abs(roll))

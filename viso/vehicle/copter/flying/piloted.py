@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Steering
-from viso.vehicle.sensors.vectors import turned
+from viso.vehicle.sensors.vectors import yawed
 
 TURN_RAD_S: Final = math.radians(202.5)
 """PILOT_Y_RATE's default."""
@@ -46,7 +46,7 @@ class Loiter(_FromHere):
         """Go on for a period."""
         steering, limits, sticks = self._steering, self._steering.limits, self._steering.sticks
         wanted = -limits.loit_speed * sticks.pitch, limits.loit_speed * sticks.roll, 0.0
-        north, east, _ = turned(wanted, steering.estimate.yaw_rad)
+        north, east, _ = yawed(wanted, steering.estimate.yaw_rad)
         pace = steering.travel_pace()._replace(speed=limits.loit_speed, accel=limits.loit_acc_max)
         steering.way.at_velocity(north, east, pace, PERIOD_S)
         _climb_and_turn(steering)

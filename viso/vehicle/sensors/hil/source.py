@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.core.vectors import Quat, euler_of, normalized
+from ekf_stub.core.vectors import Quat, euler_of, normalized, scaled
 from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import Sensors
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
@@ -21,7 +21,7 @@ from viso.vehicle.sensors.hil.readings import MessageTime, RelativeHeight, isa_h
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.readings import PERIOD_US, ideal_field, last_reading_us
 from viso.vehicle.sensors.source import VehicleSource
-from viso.vehicle.sensors.vectors import ZERO, Three, added, halfway, rotation_between, scaled, to_body
+from viso.vehicle.sensors.vectors import ZERO, Three, added, halfway, rotation_between, to_body
 
 UPDATED_INERTIAL: Final = 0b111111
 UPDATED_MAG: Final = 0b111 << 6

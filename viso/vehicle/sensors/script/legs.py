@@ -10,9 +10,9 @@ from itertools import accumulate
 from typing import Final, NamedTuple, Protocol
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.core.vectors import quat_of_euler
+from ekf_stub.core.vectors import quat_of_euler, scaled
 from viso.vehicle.sensors.motion import State
-from viso.vehicle.sensors.vectors import ZERO, Three, added, scaled
+from viso.vehicle.sensors.vectors import ZERO, Three, added
 
 TURN: Final = 2.0 * math.pi
 

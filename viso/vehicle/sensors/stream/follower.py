@@ -5,11 +5,11 @@
 import math
 from typing import Final
 
-from ekf_stub.core.vectors import turned
+from ekf_stub.core.vectors import scaled, turned
 from viso.vehicle.sensors.stream.frame import Pose, StreamFrame
 from viso.vehicle.sensors.stream.imagined_vehicle import Movement
 from viso.vehicle.sensors.stream.tracker import MAX_RATE, MAX_SPEED, StreamTracker
-from viso.vehicle.sensors.vectors import ZERO, added, rotation_between, scaled
+from viso.vehicle.sensors.vectors import ZERO, added, rotation_between
 
 LONGEST_INTERVAL_S: Final = 0.3
 """An interval as long as this explains as much of a difference as any longer one."""

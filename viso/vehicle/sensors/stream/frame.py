@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from ekf_stub.core.vectors import Quat, conjugate, euler_of, quat_of_euler, times
 from viso.vehicle.sensors.stream.imagined_vehicle import Movement
-from viso.vehicle.sensors.vectors import ZERO, Three, added, turned
+from viso.vehicle.sensors.vectors import ZERO, Three, added, yawed
 
 JUMP_M: Final = 0.5
 JUMP_YAW_RAD: Final = math.radians(5.0)
@@ -39,7 +39,7 @@ class StreamFrame:
 
     def apply(self, pose: Pose) -> Pose:
         """Return a pose of the stream as one of the vehicle."""
-        pos = added(turned(pose.pos, self._yaw_rad), self._offset)
+        pos = added(yawed(pose.pos, self._yaw_rad), self._offset)
         return Pose(pose.time_s, pos, times(quat_of_euler(0.0, 0.0, self._yaw_rad), pose.quat))
 
     def settle_jump(

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.core.vectors import Quat, turned
+from ekf_stub.core.vectors import Quat, scaled, turned
 from ekf_stub.inputs.measurements import Array
 from viso.vehicle.sensors.stream.imagined_vehicle import MAX_ACCEL, Movement
-from viso.vehicle.sensors.vectors import Three, added, limited_length, rotation_between, scaled
+from viso.vehicle.sensors.vectors import Three, added, limited_length, rotation_between
 
 MAX_SPEED: Final = 20.0
 MAX_RATE: Final = 10.0

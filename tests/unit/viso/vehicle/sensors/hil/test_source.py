@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.core.vectors import quat_of_euler
+from ekf_stub.core.vectors import quat_of_euler, scaled
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from tests.unit.viso.vehicle.sensors.conftest import LOOP_US
 from viso.vehicle.sensors.errors import SensorErrors
@@ -26,7 +26,7 @@ from viso.vehicle.sensors.hil.source import (
 )
 from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.readings import FIELD_NED_MGAUSS
-from viso.vehicle.sensors.vectors import scaled, to_body
+from viso.vehicle.sensors.vectors import to_body
 
 if TYPE_CHECKING:
     from tests.unit.viso.vehicle.sensors.conftest import MakeLoop
