@@ -111,7 +111,7 @@ class FullVehicle:
         from viso.running.virtual_time import Scheduler
         from viso.vehicle.config import by_ekf3
         from viso.vehicle.sensors.errors import SensorErrors
-        from viso.vehicle.sensors.options import ImuOptions
+        from viso.vehicle.sensors.source import ImuOptions
         from viso.vehicle.sensors.standing import BenchSource
         from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

@@ -58,10 +58,10 @@ from viso.replay.figures import OBJECTIVES
 from viso.streams.messages import FORMS
 from viso.streams.readers import FORMATS as TRAJECTORY_FORMATS
 from viso.streams.stream_kinds import STREAM_KINDS
-from viso.terminal.presets import PRESETS, preset_title
-from viso.vehicle.outcomes.labels import basis, fate_of, is_final, why
-from viso.web.desk import ACTIONS
+from viso.terminal.settings import PRESETS, preset_title
+from viso.vehicle.outcomes import basis, fate_of, is_final, why
 from viso.web.faults import SWITCHES
+from viso.web.requests import ACTIONS
 
 DOCS: Final = Path(__file__).resolve().parent.parent / "docs"
 PACKAGES: Final = ("viso", "mav_handlers", "ap_visualodom", "ekf_stub", "ap_core")

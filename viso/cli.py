@@ -15,7 +15,7 @@ from typing import Annotated, Any, Final
 import typer
 from typer.core import TyperGroup
 
-from viso.terminal.printable import printable_output
+from viso.terminal.process import printable_output
 
 EXIT_USAGE: Final = 2
 EXIT_TERMINATED: Final = 128 + signal.SIGTERM

@@ -23,7 +23,7 @@ from mav_handlers.params.reads import READ_QUEUE_LENGTH
 from mav_handlers.statustext import QUEUE_CAPACITY
 from mav_handlers.wire.codec import DRAFTS, message_id
 from viso.logs.files import LogStore
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 from viso.parameters.table import make_groups
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

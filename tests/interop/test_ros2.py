@@ -21,7 +21,7 @@ from tests.figure_of_eight import Pose, figure_of_eight
 from tests.interop.programs import LOOPBACK
 from viso.dds import messages as ros
 from viso.dds.graph import DEFAULT, LATCHED, SENSOR_DATA, Participant, Reader, Writer
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

@@ -12,7 +12,7 @@ import pytest
 from tests.places import DATA
 from viso.compare.captures import Capture, Played, play, read_recorded
 from viso.firmware.releases import PROFILES, REFERENCE
-from viso.logs.single import single_log
+from viso.logs.files import single_log
 
 
 @dataclass(frozen=True)

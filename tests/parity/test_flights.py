@@ -19,12 +19,12 @@ from mav_handlers.wire.codec import Codec, Received, message_id
 from mav_handlers.wire.messages import COMMAND_ACK, EXTENDED_SYS_STATE, HEARTBEAT, Message
 from tests.places import DATA
 from viso.logs.filter_records import rows_of
+from viso.logs.logger import MemoryLog
 from viso.logs.recorded import read_columns
-from viso.logs.sink import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import VehicleConfig, by_ekf3
 from viso.vehicle.sensors.inertial_sources import read_source
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
 
 pytestmark = pytest.mark.slow

@@ -16,16 +16,16 @@ import numpy.typing as npt
 import pytest
 
 from tests.places import DATA
+from viso.logs.files import single_log
 from viso.logs.filter_records import rows_of
 from viso.logs.recorded import read_columns
-from viso.logs.single import single_log
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.heard import params_of_recording
 from viso.streams.stream_kinds import TrajectoryOptions, read_stream
 from viso.terminal.settings import load_settings
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.sensors.inertial_sources import read_source
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 
 Array = npt.NDArray[np.float64]
 

@@ -29,8 +29,7 @@ from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, ReplayLog, VehicleFrame
 from ekf_stub.log.reporting import report_of
 from ekf_stub.release import REFERENCE
 from ekf_stub.reports import words_of
-from viso.logs.logger import STRUCTURES, Logger
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import STRUCTURES, Logger, MemoryLog
 from viso.parameters.ekf3 import FLOW_LIMIT_LATER
 from viso.parameters.table import make_groups
 from viso.replay.ekf.run import EkfReplay, replay_ekf

@@ -31,9 +31,9 @@ from viso.vehicle.config import by_ekf3
 from viso.vehicle.sensors.errors import SensorErrors
 from viso.vehicle.sensors.flight import PASS_US, Basis, Event, Flight, Happening, readings
 from viso.vehicle.sensors.flown.source import RecordedSource
-from viso.vehicle.sensors.flying import FlyingSource
-from viso.vehicle.sensors.hil.source import HilSource
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.hil import HilSource
+from viso.vehicle.sensors.moving import FlyingSource
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.standing import BenchSource
 
 pytestmark = pytest.mark.slow

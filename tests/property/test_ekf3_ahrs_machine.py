@@ -45,11 +45,11 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from tests.places import ROOT
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 from viso.vehicle.config import bench, by_ekf3
-from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.script.script_file import parse_script
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.stream.follow import FollowSource
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 

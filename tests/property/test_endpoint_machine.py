@@ -76,8 +76,8 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
-from viso.logs.sink import MemoryLog
-from viso.vehicle.sensors.options import ImuOptions
+from viso.logs.logger import MemoryLog
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.standing import BenchSource
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 

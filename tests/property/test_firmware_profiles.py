@@ -22,7 +22,7 @@ from mav_handlers.wire.messages import (
 )
 from viso.files.float_bits import json_value
 from viso.firmware.releases import APRIL_2026, PROFILES, REFERENCE
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

@@ -21,9 +21,9 @@ from viso.recording.outputs import write_recording
 from viso.recording.scenario import read_scenario
 from viso.replay.ekf.run import NothingToCompare
 from viso.terminal.console import err, out, progress
-from viso.terminal.firmware import firmware_of
+from viso.terminal.options import firmware_of
 from viso.terminal.outputs import Output
-from viso.terminal.signals import stop_on_signal
+from viso.terminal.process import stop_on_signal
 
 _FINDINGS: Final = 1
 

@@ -25,9 +25,9 @@ from viso.logs.files import LogFile, LogStore
 from viso.terminal.console import drawing, err, out, progress, verdict_rows
 from viso.terminal.engine import EngineOption, with_engine
 from viso.terminal.filter_report import aiding_rows, filter_rows, tables_of
-from viso.terminal.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.terminal.options import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.terminal.outputs import Output
-from viso.terminal.signals import stop_on_signal
+from viso.terminal.process import stop_on_signal
 from viso.vehicle.vehicle import Vehicle
 
 _SIMULATED_INSTEAD: Final = f"the camera is simulated: OpenCV is missing; for a real one: {pip_install('vio')}"

@@ -30,12 +30,10 @@ from viso.streams.stream_kinds import Stream, TrajectoryOptions, read_whole_stre
 from viso.streams.trajectory import axes_of
 from viso.terminal.ahrs import heading_in_rad
 from viso.terminal.console import err, out, progress
-from viso.terminal.firmware import RecordedFirmwareOption, firmware_of
-from viso.terminal.live_topic import DomainOption
+from viso.terminal.options import DomainOption, RecordedFirmwareOption, firmware_of
 from viso.terminal.outputs import Output
-from viso.terminal.presets import PRESET_HELP, preset_files
-from viso.terminal.settings import load_settings, read_assignment
-from viso.terminal.signals import stop_on_signal
+from viso.terminal.process import stop_on_signal
+from viso.terminal.settings import PRESET_HELP, load_settings, preset_files, read_assignment
 
 EXIT_FINDINGS: Final = 1
 _LONGEST_S: Final = 86_400.0

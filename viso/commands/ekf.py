@@ -17,7 +17,7 @@ from viso.files.outputs import check_place
 from viso.replay.ekf.run import EkfRun
 from viso.replay.ekf.run import until as until_time
 from viso.terminal.console import err, out, progress
-from viso.terminal.firmware import RecordedFirmwareOption, firmware_of
+from viso.terminal.options import RecordedFirmwareOption, firmware_of
 from viso.terminal.outputs import Output
 
 _FINDINGS = 1

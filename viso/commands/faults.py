@@ -19,7 +19,7 @@ from viso.faults.tables import entry_table, summary_line, tally_as_dict
 from viso.faults.timeline import MAX_SEED
 from viso.terminal.console import err, out, progress
 from viso.terminal.outputs import Output
-from viso.terminal.signals import stop_on_signal
+from viso.terminal.process import stop_on_signal
 
 LONGEST_S: Final = 4e9
 PROGRESS_EVERY: Final = 256

@@ -35,7 +35,7 @@ from viso.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap
 from viso.logs.recorded import read_log
 from viso.terminal.console import drawing, err, out
 from viso.terminal.outputs import Output
-from viso.terminal.signals import stop_on_signal
+from viso.terminal.process import stop_on_signal
 
 LONGEST_S: Final = 4e9
 _PLOT_HINT: Final = f"no pictures: matplotlib is missing; install it with: {pip_install('plot')}"

@@ -28,9 +28,9 @@ from viso.streams.player import Playback, Player, RecordedEngine, Text
 from viso.streams.readers import FORMATS, Source
 from viso.streams.trajectory import axes_of, form_of, left_out, load
 from viso.terminal.console import err, out
-from viso.terminal.live_topic import DomainOption
+from viso.terminal.options import DomainOption
 from viso.terminal.outputs import Output
-from viso.terminal.signals import stop_on_signal
+from viso.terminal.process import stop_on_signal
 
 DEFAULT_LINK: Final = "tcp:127.0.0.1:5760"
 _FOR_FILES: Final = (

@@ -13,7 +13,7 @@ from viso.recording.outputs import version_text, write_recording
 from viso.recording.scenario import SCENARIOS, read_scenario
 from viso.terminal.console import err, out
 from viso.terminal.outputs import Output
-from viso.terminal.signals import stop_on_signal
+from viso.terminal.process import stop_on_signal
 
 
 def record(

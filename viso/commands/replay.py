@@ -21,8 +21,8 @@ from viso.files.text_files import write_text
 from viso.firmware.flown import notes_on
 from viso.firmware.releases import Firmware
 from viso.geometry.frame_change import PRESETS as AXES
+from viso.logs.files import single_log
 from viso.logs.recorded import read_columns
-from viso.logs.single import single_log
 from viso.replay.feed import ReplayedMessage
 from viso.replay.figures import Judge, Row, timed_places
 from viso.replay.observability import doubts
@@ -43,11 +43,10 @@ from viso.terminal.ahrs import (
     of_stream,
 )
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
-from viso.terminal.firmware import RecordedFirmwareOption, firmware_of
+from viso.terminal.options import RecordedFirmwareOption, firmware_of
 from viso.terminal.outputs import Output
-from viso.terminal.presets import PRESET_HELP, preset_files
-from viso.terminal.settings import first_of, load_settings, needing_reboot, parse_assignments
-from viso.vehicle.outcomes.watch import FilterWatch
+from viso.terminal.settings import PRESET_HELP, first_of, load_settings, needing_reboot, parse_assignments, preset_files
+from viso.vehicle.outcomes import FilterWatch
 from viso.vehicle.sensors.inertial_sources import FLOWN
 from viso.vehicle.vehicle import Vehicle
 

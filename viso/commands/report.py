@@ -18,7 +18,7 @@ from viso.report.facts import Facts, facts_of
 from viso.report.flight_data import Material, read_material
 from viso.report.summary import Summary, summarise
 from viso.terminal.console import err, out, progress
-from viso.terminal.firmware import RecordedFirmwareOption, firmware_of
+from viso.terminal.options import RecordedFirmwareOption, firmware_of
 from viso.terminal.outputs import Output
 
 _MISSING_EXTRA: Final = f"figures are drawn with matplotlib; install it with: {pip_install('plot')}"

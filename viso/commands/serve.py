@@ -35,16 +35,12 @@ from viso.terminal.ahrs import (
 )
 from viso.terminal.console import err, out, verdict_rows
 from viso.terminal.filter_report import filter_rows, tables_of
-from viso.terminal.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
-from viso.terminal.line_writer import LineWriter
-from viso.terminal.live_counts import REFRESH_US, LiveCounts
-from viso.terminal.live_report import LiveReport
-from viso.terminal.message_intervals import load_message_intervals
+from viso.terminal.live_report import REFRESH_US, LiveCounts, LiveReport
+from viso.terminal.options import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.terminal.outputs import Output
-from viso.terminal.presets import PRESET_HELP, preset_files
-from viso.terminal.settings import load_settings
-from viso.terminal.signals import stop_on_signal
-from viso.terminal.verdict_stream import VerdictFormat, VerdictStream
+from viso.terminal.process import stop_on_signal
+from viso.terminal.settings import PRESET_HELP, load_message_intervals, load_settings, preset_files
+from viso.terminal.verdict_stream import LineWriter, VerdictFormat, VerdictStream
 from viso.vehicle.sensors.inertial_sources import wants_vicon
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

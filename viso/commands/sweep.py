@@ -28,7 +28,7 @@ from viso.sweep.store import PLOT, SweepFolder, check_tables, table_rows
 from viso.terminal.ahrs import HeadingOption, ImuErrorOption
 from viso.terminal.console import PLOT_HINT, drawing, err, out, progress
 from viso.terminal.outputs import Output
-from viso.terminal.presets import PRESET_HELP
+from viso.terminal.settings import PRESET_HELP
 from viso.vehicle.sensors.inertial_sources import IMU_HELP
 
 _FINDINGS: Final = 1

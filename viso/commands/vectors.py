@@ -16,7 +16,7 @@ from viso.errors import InputError
 from viso.files.text_files import read_lines, write_text
 from viso.replay.vectors import VectorError, parse_line, recompute
 from viso.terminal.console import progress
-from viso.terminal.firmware import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
+from viso.terminal.options import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.terminal.outputs import Output
 
 

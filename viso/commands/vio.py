@@ -27,7 +27,7 @@ from viso.geometry.trajectory import Trajectory
 from viso.terminal.console import drawing, err, out
 from viso.terminal.engine import EngineOption
 from viso.terminal.outputs import Output
-from viso.terminal.signals import stop_on_signal
+from viso.terminal.process import stop_on_signal
 
 LONGEST_S: Final = 4e9
 _LOST: Final = 1

@@ -19,7 +19,7 @@ from viso.errors import InputError
 from viso.files.float_bits import float_of
 from viso.files.text_files import read_lines
 from viso.firmware.releases import Firmware
-from viso.logs.sink import LogSink
+from viso.logs.logger import LogSink
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.stream_kinds import read_capture
 from viso.terminal.ahrs import AhrsChoice, ahrs_maker

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from viso.replay.figures import BY_TIME, OBJECTIVES, Row
-from viso.vehicle.outcomes.watch import UNITS
+from viso.vehicle.outcomes import UNITS
 
 SIGMAS: Final = 2.0
 """A difference of more standard deviations is more than chance."""

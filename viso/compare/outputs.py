@@ -29,8 +29,7 @@ from viso.replay.figures import OBJECTIVES, Row
 from viso.replay.run import ReplayOutcome
 from viso.report import html
 from viso.terminal.console import reason_of
-from viso.vehicle.outcomes.labels import RULES_BY_CODE, basis, why
-from viso.vehicle.outcomes.watch import UNITS
+from viso.vehicle.outcomes import RULES_BY_CODE, UNITS, basis, why
 
 _HEAD: Final = ("recording", "kind", "firmware", "messages", "records", "fields", "differ")
 _FIELDS_HEAD: Final = ("field", "differs", "first in", "recorded", "ours", "unit")

@@ -14,8 +14,7 @@ from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome, SaidText
 from viso.terminal.console import reason_of
 from viso.terminal.filter_report import aiding_rows
-from viso.vehicle.outcomes.labels import RULES_BY_CODE, fate_of, final_counts, is_model
-from viso.vehicle.outcomes.watch import UNITS, AidingSpan, Innovations
+from viso.vehicle.outcomes import RULES_BY_CODE, UNITS, AidingSpan, Innovations, fate_of, final_counts, is_model
 
 K = TypeVar("K", bound=tuple[str, ...])
 V = TypeVar("V")

@@ -17,7 +17,7 @@ from viso.demo.errors import PoseErrors, estimate_errors, odometry_errors, truth
 from viso.demo.loop import CompanionLoop
 from viso.demo.record import Arrived, Estimate
 from viso.geometry.errors import rms
-from viso.vehicle.outcomes.labels import Fate, fate_of
+from viso.vehicle.outcomes import Fate, fate_of
 
 _PATH_STEP_S: Final = 0.1
 

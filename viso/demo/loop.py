@@ -20,13 +20,13 @@ from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.world.flight import SyntheticFlight
 from viso.demo.record import AUTOPILOT, COMPANION, LOOK_PERIOD_US, LoopRecord, LoopRecorder
 from viso.firmware.releases import REFERENCE, Firmware
-from viso.logs.sink import LogSink
+from viso.logs.logger import LogSink
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import by_ekf3
-from viso.vehicle.outcomes.watch import FilterWatch
+from viso.vehicle.outcomes import FilterWatch
 from viso.vehicle.sensors.errors import SensorErrors
-from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.script.script import ScriptSource
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.world_flight import flight_source
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 

@@ -11,7 +11,7 @@ from viso.companion.world.ground import generate_texture
 from viso.demo.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, CompanionLoop, LoopSetup
 from viso.demo.survey_flight import SurveyPlan, survey_flight
 from viso.firmware.releases import REFERENCE, Firmware
-from viso.logs.sink import LogSink
+from viso.logs.logger import LogSink
 
 COMPANION_S: Final = 7.0
 PLAN: Final = SurveyPlan(

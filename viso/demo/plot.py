@@ -15,7 +15,7 @@ from viso.demo.record import Estimate
 from viso.demo.tracking_camera import END_S, FAULTS, FLIGHT, DemoResult
 from viso.estimators.series import spans_of
 from viso.files.outputs import output_file
-from viso.vehicle.outcomes.labels import Fate, fate_of
+from viso.vehicle.outcomes import Fate, fate_of
 
 _TRUTH: Final = "0.45"
 _GIVEN: Final = "#1f77b4"

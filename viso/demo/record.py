@@ -15,8 +15,7 @@ from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.vio.result import Result
 from viso.companion.vio.types import VioState
-from viso.vehicle.outcomes.labels import is_final
-from viso.vehicle.outcomes.watch import FilterWatch, SampleTest
+from viso.vehicle.outcomes import FilterWatch, SampleTest, is_final
 from viso.vehicle.vehicle import Vehicle
 
 AUTOPILOT: Final = "autopilot"

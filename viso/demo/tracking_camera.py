@@ -17,14 +17,14 @@ from viso.companion.trials.scripted_flight import Flight, Vector
 from viso.demo.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, VehicleLoop
 from viso.demo.record import LoopRecord
 from viso.firmware.releases import REFERENCE, Firmware
-from viso.logs.sink import LogSink
+from viso.logs.logger import LogSink
 from viso.vehicle.config import by_ekf3
-from viso.vehicle.outcomes.watch import AidingSpan
+from viso.vehicle.outcomes import AidingSpan
 from viso.vehicle.sensors.errors import SensorErrors
-from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.script.legs import Motion, ScriptedPath
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.script.script_file import Script
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.vectors import Three
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 

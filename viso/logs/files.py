@@ -9,10 +9,13 @@ import contextlib
 import fcntl
 import os
 import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, Self
 
-from viso.files.outputs import replace_file
+from viso.errors import InputError
+from viso.files.outputs import output_file, replace_file
 
 LASTLOG_NAME: Final = "LASTLOG.TXT"
 MAX_FILES: Final = 500
@@ -244,3 +247,24 @@ def claim(descriptor: int) -> bool:
 
 def _one_line(path: Path, error: OSError) -> str:
     return f"{path}: {error.strerror or error}"
+
+
+@contextmanager
+def single_log(path: Path) -> Iterator[Callable[[], LogFile]]:
+    """Yield what opens a log by name, which takes its place at the end; one that is opened again is continued.
+
+    Raises InputError if the file cannot be made, and at the end if not all of it could be written.
+    """
+    opened: list[LogFile] = []
+    with output_file(path) as file:
+
+        def open_log() -> LogFile:
+            opened.append(LogFile(path, 1, os.dup(file.fileno())))
+            opened[-1].is_told_at_end = True
+            return opened[-1]
+
+        yield open_log
+        for log in opened:
+            log.close()
+            if log.reason is not None:
+                raise InputError(log.reason)

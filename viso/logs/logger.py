@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The vehicle's log: opens it, writes the start-up block, then record after record (AP_Logger/AP_Logger.cpp)."""
+"""The log of the vehicle: opens it, writes the start-up block, then record after record (AP_Logger/AP_Logger.cpp)."""
 
 import logging
 from collections import Counter
 from collections.abc import Callable, Container, Iterator, Sequence
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -19,7 +19,52 @@ from ekf_stub.log.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3
 from ekf_stub.log.replay_log_structure import LOG_STRUCTURE_FROM_DAL
 from viso.firmware.log_releases import LOG_STRUCTURE_FROM_GPS, OF, RFND
 from viso.logs.files import LogStoreError
-from viso.logs.sink import LogSink
+
+
+class LogSink(Protocol):
+    """An open log: a file, or memory in tests.
+
+    Attributes:
+        dropped: how many records are lost.
+        reason: why, in one line, once the log takes no more.
+        flush_due_us: before when, since boot, there is nothing to do for ``flush_if_due``.
+    """
+
+    dropped: int
+    reason: str | None
+    flush_due_us: int
+
+    def write(self, data: bytes) -> bool:
+        """Append whole records; False if they are lost."""
+
+    def flush_if_due(self, now_us: int) -> bool:
+        """Write out what waits when its time has come; False if the log takes no more."""
+
+    def close(self) -> None:
+        """Write out what waits and let go."""
+
+
+class MemoryLog:
+    """A log in memory."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.dropped = 0
+        self.reason: str | None = None
+        self.flush_due_us = NEVER
+
+    def write(self, data: bytes) -> bool:
+        """Append whole records."""
+        self.data += data
+        return True
+
+    def flush_if_due(self, now_us: int) -> bool:
+        """Do nothing: memory is always up to date."""
+        return True
+
+    def close(self) -> None:
+        """Do nothing: the data stays readable."""
+
 
 _log = logging.getLogger(__name__)
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parameters that outlive a restart: one text file, which a killed process leaves as it was or as it is to be.
+"""Parameters that outlive a restart, in memory or in a text file that a killed process leaves as it was or complete.
 
 The file has a ``NAME VALUE`` line a parameter, as parameter files have, and ``#`` comments. It takes the place of the
 firmware's EEPROM and holds what AP_Param::save wrote: values that differ from the default or were set once.
@@ -11,13 +11,44 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 from ap_core.param import ParamTable
 from ap_core.param_info import ParamType, assigned, to_f32
 from viso.errors import InputError
 from viso.files.outputs import remove_stale_drafts, replace_file
 from viso.parameters.conversion import NO_RENAMES, Renames, carry_over
+
+
+class StoredParams(Protocol):
+    """Keeps parameters over a restart."""
+
+    def restore(self, params: ParamTable, renames: Renames = NO_RENAMES) -> None:
+        """Give a vehicle's parameters their stored values, also those that an earlier release stored."""
+
+    def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
+        """Keep what a restart has to remember, by name; say whether anything was new.
+
+        ``synced``: over a restart of the computer as well, which takes longer.
+        """
+
+
+class MemoryParamStore:
+    """Keeps parameters as long as it exists itself."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, float] = {}
+
+    def restore(self, params: ParamTable, renames: Renames = NO_RENAMES) -> None:
+        """Give a vehicle's parameters their stored values, also those that an earlier release stored."""
+        params.load_stored(carry_over(self._values, params, renames).values)
+
+    def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
+        """Keep what a restart has to remember, by name; say whether anything was new."""
+        changed = values != self._values
+        self._values = dict(values)
+        return changed
+
 
 _log = logging.getLogger(__name__)
 

@@ -20,7 +20,7 @@ from viso.running.playing import LONGEST_WAIT_S
 from viso.running.power import Port, PoweredVehicle
 from viso.running.virtual_time import Scheduler
 from viso.terminal.ahrs import AhrsChoice, ahrs_maker
-from viso.terminal.firmware import firmware_of
+from viso.terminal.options import firmware_of
 from viso.vehicle.vehicle import LOOP_PERIOD_US, VehicleConfig
 
 VISO: Final = "viso"

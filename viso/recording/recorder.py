@@ -37,8 +37,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.companion.sender import MavlinkSender
-from viso.recording.clock import RATE_SPAN_US, AutopilotClock
-from viso.recording.log_download import LogPieces
+from viso.recording.autopilot import RATE_SPAN_US, AutopilotClock, LogPieces
 from viso.recording.scenario import Ask, Change, Dropout, Jump, Pause, Scenario, Send, Set, Start, Step, Until
 from viso.recording.vision import Pose, VisionStream
 from viso.streams.heard import is_autopilot

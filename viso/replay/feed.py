@@ -22,8 +22,7 @@ from viso.files.float_bits import json_value
 from viso.running.virtual_time import Scheduler
 from viso.streams.stream import LONGEST_SILENCE_US
 from viso.streams.stream_kinds import Stream, StreamMessage
-from viso.vehicle.outcomes.samples import FATE_WAIT_US, HandedSample, SampleFates
-from viso.vehicle.outcomes.watch import FilterWatch
+from viso.vehicle.outcomes import FATE_WAIT_US, FilterWatch, HandedSample, SampleFates
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
 
 _VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRUCTURE_FROM_VISUALODOM)

@@ -22,8 +22,7 @@ from viso.geometry.errors import EvaluationError, absolute_error
 from viso.geometry.trajectory import Trajectory
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome
-from viso.vehicle.outcomes.labels import Fate, FilterCounts, fate_of, final_counts
-from viso.vehicle.outcomes.watch import UNITS, AidingSpan, FilterWatch, SampleTest
+from viso.vehicle.outcomes import UNITS, AidingSpan, Fate, FilterCounts, FilterWatch, SampleTest, fate_of, final_counts
 from viso.vehicle.sensors.flight import Basis
 from viso.vehicle.vehicle import Vehicle
 

@@ -9,12 +9,20 @@ from typing import NamedTuple
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from viso.faults.poses import VISION_NAMES
 from viso.firmware.releases import REFERENCE, Firmware
-from viso.logs.sink import LogSink
+from viso.logs.logger import LogSink
 from viso.replay.feed import Replay, ReplayedMessage
 from viso.streams.stream_kinds import Stream
 from viso.terminal.console import VerdictCounts, reason_of
-from viso.vehicle.outcomes.labels import Fate, FilterCounts, fate_of, final_counts, what_became
-from viso.vehicle.outcomes.watch import AidingSpan, FilterWatch, Innovations
+from viso.vehicle.outcomes import (
+    AidingSpan,
+    Fate,
+    FilterCounts,
+    FilterWatch,
+    Innovations,
+    fate_of,
+    final_counts,
+    what_became,
+)
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 

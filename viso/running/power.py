@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mav_handlers.channel import Channel, CountKey
-from viso.vehicle.outcomes.labels import FilterCounts
+from viso.vehicle.outcomes import FilterCounts
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 

@@ -27,8 +27,7 @@ from mav_handlers.wire.messages import (
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.errors import InputError
 from viso.firmware.flown import FlownVersion, version_in
-from viso.logs.record_fields import RecordError, numbers, text, whole
-from viso.logs.recorded import read_columns, records_in
+from viso.logs.recorded import RecordError, numbers, read_columns, records_in, text, whole
 from viso.streams.capture import MAX_PARAMETER
 from viso.streams.rebuilding import DeltaRecord, PoseRecord, Rebuilder, Record, Three, VelocityRecord
 from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage

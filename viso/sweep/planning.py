@@ -23,9 +23,8 @@ from viso.sweep.job import timeline_of
 from viso.sweep.plan import FOLLOW, SAMPLINGS, Faults, Recorded, Sampling, SweepPlan, check_plan, input_file
 from viso.sweep.request import NO_FAULTS, Wishes
 from viso.terminal.ahrs import AhrsChoice, imu_options, of_stream
-from viso.terminal.firmware import firmware_of
-from viso.terminal.presets import preset_files
-from viso.terminal.settings import known_parameters, load_settings, parse_assignments
+from viso.terminal.options import firmware_of
+from viso.terminal.settings import known_parameters, load_settings, parse_assignments, preset_files
 from viso.vehicle.sensors.flight import Basis
 from viso.vehicle.sensors.flown.source import read_flight
 from viso.vehicle.sensors.inertial_sources import FLOWN

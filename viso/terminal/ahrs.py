@@ -17,7 +17,7 @@ from viso.logs.recorded import read_recorded_states
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.sensors.errors import ERROR_NAMES, parse_errors
 from viso.vehicle.sensors.inertial_sources import FLOWN, IMU_HELP, read_source
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.vehicle import Vehicle
 
 AhrsOption = Annotated[

@@ -14,7 +14,7 @@ from rich.text import Text
 from ap_core.verdict import Outcome, Rule
 from mav_handlers.verdicts import ALL_VERDICTS
 from viso.extras import pip_install
-from viso.terminal.printable import printable
+from viso.terminal.process import printable
 
 PLOT_HINT: Final = f"no plot: matplotlib is missing; install it with: {pip_install('plot')}"
 

@@ -10,8 +10,18 @@ from rich.text import Text
 
 from ekf_stub.reports import AidingMode
 from viso.terminal.console import VerdictCounts, verdict_table
-from viso.vehicle.outcomes.labels import Fate, FilterCounts, basis, fate_of, final_counts, is_model, why
-from viso.vehicle.outcomes.watch import UNITS, AidingSpan, Innovations
+from viso.vehicle.outcomes import (
+    UNITS,
+    AidingSpan,
+    Fate,
+    FilterCounts,
+    Innovations,
+    basis,
+    fate_of,
+    final_counts,
+    is_model,
+    why,
+)
 
 _STYLES: Final = {
     Fate.FUSED: "green",

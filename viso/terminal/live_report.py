@@ -1,18 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a vehicle that is running says on the terminal, and who is told of each message and each sample."""
+"""What a running vehicle shows on the terminal: its texts, first outcomes as lines, and tables that grow."""
 
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, Self
 
-from rich.console import Console
+from rich.console import Console, Group
+from rich.live import Live
 
 from ap_core.verdict import Outcome
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
-from viso.vehicle.outcomes.labels import Fate, basis, fate_of, is_final, sentence
+from viso.terminal.console import VerdictCounts
+from viso.terminal.filter_report import tables_of
+from viso.vehicle.outcomes import Fate, FilterCounts, basis, fate_of, is_final, sentence
 from viso.vehicle.vehicle import Vehicle
 
 OnMessage = Callable[[str, MessageEvent], None]
@@ -106,3 +109,51 @@ class LiveReport:
             self._aligned_us = now_us
         end_us = _PATIENCE_US if self._aligned_us is None else self._aligned_us + SETTLED_US
         return now_us < min(end_us, _PATIENCE_US)
+
+
+REFRESH_US: Final = 250_000
+
+
+class LiveCounts:
+    """Shows the outcome of messages and samples, updated now and then; nothing where there is no terminal.
+
+    It is gone when it ends, for the closing table takes its place. What else is printed on the console stays above.
+    ``counts`` and ``filter_counts`` return those of the moment, ``period_us`` is the least time between two looks by
+    the clock that ``update`` is told, and what is not wanted is shown nowhere.
+    """
+
+    def __init__(
+        self,
+        console: Console,
+        counts: Callable[[], VerdictCounts],
+        filter_counts: Callable[[], FilterCounts] = dict,
+        *,
+        period_us: int = REFRESH_US,
+        wanted: bool = True,
+    ) -> None:
+        self._counts = counts
+        self._filter_counts = filter_counts
+        self._period_us = period_us
+        self._shown_us: int | None = None
+        shown = wanted and console.is_terminal
+        self._live = Live(console=console, auto_refresh=False, transient=True) if shown else None
+
+    def __enter__(self) -> Self:
+        """Take the bottom of the terminal."""
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Clear it."""
+        if self._live is not None:
+            self._live.stop()
+
+    def update(self, now_us: int) -> None:
+        """Show the counts again if it is time to; a clock that has gone back has started again."""
+        if self._live is None or (self._shown_us is not None and 0 <= now_us - self._shown_us < self._period_us):
+            return
+        self._shown_us = now_us
+        counts = self._counts()
+        if counts:
+            self._live.update(Group(*tables_of(counts, self._filter_counts())), refresh=True)

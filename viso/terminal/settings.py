@@ -1,19 +1,20 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parameter values from files and from the command line."""
+"""Parameter values from files, presets and the command line, and message intervals from files."""
 
 import logging
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from ap_core.param import ParamTable
 from ap_core.parm_file import ParmFileError, ParmLine, parse_parm
 from ap_visualodom.ap_visualodom import make_params
 from viso.errors import InputError, told_errors
-from viso.files.text_files import read_text
+from viso.files.text_files import read_lines, read_text
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.parameters.conversion import NO_RENAMES, Renames, carry_over, name_here
 from viso.parameters.left_out import may_ask
@@ -170,3 +171,65 @@ def _no_such_choices(values: Mapping[str, float], table: ParamTable) -> Iterator
         if value is not None and choices and value not in choices:
             known = ", ".join(f"{number} {meaning}" for number, meaning in choices.items())
             yield f"{slot.name} is {value:g}, which is not one of its values: {known}"
+
+
+PRESETS: Final[Mapping[str, Path]] = MappingProxyType(
+    {path.stem: path for path in sorted((Path(__file__).parent / "preset_files").glob("*.parm"))}
+)
+"""The files by the names that ``--preset`` takes."""
+
+PRESET_HELP: Final = f"Parameters of a usual set-up, before those of files: {', '.join(PRESETS)}."
+
+
+def preset_files(name: str | None) -> list[Path]:
+    """Return the file of a preset as a list to put other files behind; an empty one for None.
+
+    Raises InputError: there is no preset of that name.
+    """
+    if name is None:
+        return []
+    if name not in PRESETS:
+        raise InputError(f"--preset {name}: no such preset; there are {', '.join(PRESETS)}")
+    return [PRESETS[name]]
+
+
+def preset_title(path: Path) -> str:
+    """Return what a preset's file says it is: the first comment after its header, on one line."""
+    comments: list[str] = []
+    for line in path.read_text(encoding="utf-8").splitlines()[2:]:
+        if not line.startswith("#"):
+            break
+        comments.append(line.removeprefix("#").strip())
+    return " ".join(comments)
+
+
+_MAX_INTERVAL_MS: Final = 65535
+_MAX_MESSAGE_ID: Final = (1 << 24) - 1
+_MAX_DIGITS: Final = 9
+
+
+def load_message_intervals(folder: Path, links: int) -> dict[int, Mapping[int, int]]:
+    """Return the intervals in ms by message id, for each of the first ``links`` links that has a file in a folder.
+
+    Raises InputError: a file cannot be read, or a line is not an id and an interval.
+    """
+    paths = {index: folder / f"message-intervals-chan{index}.txt" for index in range(links)}
+    return {index: _load(path) for index, path in paths.items() if path.exists()}
+
+
+def _load(path: Path) -> dict[int, int]:
+    intervals_ms = {}
+    for number, line in read_lines(path):
+        numbers = [int(word) for word in line.split() if _is_number(word)]
+        # FIRMWARE PARITY: the firmware skips such a line, or reads it as far as it goes.
+        if len(numbers) != len(line.split()) or len(numbers) != 2:
+            raise InputError(f"{path}:{number}: not a message id and milliseconds: {line.strip()!r}")
+        message_id, interval_ms = numbers
+        if message_id > _MAX_MESSAGE_ID or interval_ms > _MAX_INTERVAL_MS:
+            raise InputError(f"{path}:{number}: no such message id or interval: {line.strip()!r}")
+        intervals_ms[message_id] = interval_ms
+    return intervals_ms
+
+
+def _is_number(word: str) -> bool:
+    return word.isascii() and word.isdecimal() and len(word) <= _MAX_DIGITS

@@ -13,14 +13,13 @@ from mav_handlers.wire.messages import Message
 from viso.files.outputs import replace_file
 from viso.firmware.releases import PROFILES
 from viso.testing import claims, flights
-from viso.testing.booted import booted_vehicle
 from viso.testing.golden import GoldenFiles
 from viso.testing.observations import MessageVerdict, Record, StatusText
 from viso.testing.observer import VISION_RECORDS, Observer
 from viso.testing.options import AutopilotOptions
-from viso.testing.params import LiveParams
 from viso.testing.sender import Sender
-from viso.vehicle.outcomes.watch import FilterWatch
+from viso.testing.vehicle import LiveParams, booted_vehicle
+from viso.vehicle.outcomes import FilterWatch
 from viso.vehicle.sensors.motion import Truth
 from viso.vehicle.vehicle import LOOP_PERIOD_US
 

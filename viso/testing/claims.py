@@ -15,8 +15,7 @@ from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import Message
 from viso.faults.poses import VISION_NAMES
 from viso.testing.observations import MessageVerdict, StatusText
-from viso.vehicle.outcomes.labels import Fate
-from viso.vehicle.outcomes.watch import UNITS
+from viso.vehicle.outcomes import UNITS, Fate
 
 __tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
 

@@ -9,8 +9,7 @@ from typing import NamedTuple
 from ap_core.log_field import LogValue
 from ap_core.verdict import Outcome
 from mav_handlers.wire.messages import Message
-from viso.vehicle.outcomes.labels import Fate, fate_of
-from viso.vehicle.outcomes.samples import HandedSample
+from viso.vehicle.outcomes import Fate, HandedSample, fate_of
 
 
 class StatusText(NamedTuple):

@@ -14,8 +14,7 @@ from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import Message
 from viso.streams.stream import StreamMessage
 from viso.testing.observations import MessageVerdict, Record, StatusText
-from viso.vehicle.outcomes.samples import FATE_WAIT_US, HandedSample, SampleFates
-from viso.vehicle.outcomes.watch import FilterWatch
+from viso.vehicle.outcomes import FATE_WAIT_US, FilterWatch, HandedSample, SampleFates
 from viso.vehicle.sensors.airframe import AirframeState
 from viso.vehicle.vehicle import Vehicle
 

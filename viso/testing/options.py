@@ -11,12 +11,11 @@ from typing import Final
 
 from viso.errors import InputError
 from viso.firmware.releases import PROFILES, REFERENCE
-from viso.logs.sink import LogSink
-from viso.terminal.presets import PRESETS
-from viso.terminal.settings import load_settings
+from viso.logs.logger import LogSink
+from viso.terminal.settings import PRESETS, load_settings
 from viso.vehicle.config import VehicleConfig, by_ekf3
 from viso.vehicle.sensors.inertial_sources import read_source, wants_vicon
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 
 DEFAULT_PARAMS: Final[Mapping[str, float]] = MappingProxyType(
     {

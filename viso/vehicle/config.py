@@ -14,10 +14,9 @@ from ekf_stub.ahrs.vehicle_state import has_compass
 from mav_handlers.signing import KeyStore, MemoryKeyStore
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.files import LogStore
-from viso.logs.sink import LogSink
-from viso.parameters.memory import MemoryParamStore, StoredParams
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.source import VehicleSource
+from viso.logs.logger import LogSink
+from viso.parameters.store import MemoryParamStore, StoredParams
+from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 from viso.vehicle.sensors.standing import BenchSource
 
 if TYPE_CHECKING:

@@ -41,14 +41,12 @@ from viso.vehicle.banner import banner
 from viso.vehicle.config import VehicleConfig, bench
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
-from viso.vehicle.ftp.files import VehicleFiles
-from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
+from viso.vehicle.ftp import UartCounts, UartsText, VehicleFiles
 from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
 from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, MavlinkRanges
 from viso.vehicle.rtc import Rtc, RtcSource
 from viso.vehicle.sensors.flight import Event, Happening
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.source import VehicleSource
+from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 from viso.vehicle.tasks import Task, always_idle, next_due_us
 from viso.vehicle.vicon import Vicon
 

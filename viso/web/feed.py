@@ -15,13 +15,11 @@ from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.links.base import Link
 from viso.vehicle.copter.modes import MODES
-from viso.vehicle.outcomes.watch import SampleTest
+from viso.vehicle.outcomes import SampleTest
 from viso.vehicle.vehicle import Vehicle
-from viso.web.bounded import BoundedQueue
-from viso.web.desk import Desk
 from viso.web.faults import FaultSwitches
-from viso.web.live_state import LiveState, Seen, finite
-from viso.web.params import defaults_of, read_params
+from viso.web.live_state import LiveState, Seen, defaults_of, finite, read_params
+from viso.web.requests import BoundedQueue, Desk
 
 THINGS_WAITING: Final = 20_000
 LOOK_PERIOD_S: Final = 0.1

@@ -21,10 +21,9 @@ from viso.report.agreement import BRIDGED_S, lag_ms
 from viso.report.facts import UNHEALTHY_S, Facts, positioned_at, withheld_why
 from viso.report.flight_data import Material
 from viso.report.summary import Level, Summary
-from viso.vehicle.outcomes.watch import UNITS
+from viso.vehicle.outcomes import UNITS
 from viso.web.feed import LOOK_PERIOD_S
-from viso.web.live_state import finite
-from viso.web.params import row_of, shown
+from viso.web.live_state import finite, row_of, shown
 from viso.web.rates import WINDOW_US
 from viso.web.recording import MOMENT_S, MOST_POINTS, recording
 from viso.web.runs import RunKey, Runs

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What pages are told: made from what the vehicle's thread has seen, without a clock or a socket.
+"""What pages show of a running vehicle, as JSON: made from its events, without a clock or a socket; and its parameters.
 
 Numbers that are not finite become null, for JSON has none.
 """
@@ -13,15 +13,55 @@ from typing import Any, Final
 
 from ap_core.cint import i32
 from ap_core.log_field import LogValue
+from ap_core.param import ParamFlag, ParamTable
+from ap_core.param_group import ParamSlot
+from ap_core.param_info import ParamValue
 from mav_handlers.endpoint import MessageEvent
-from viso.vehicle.outcomes.labels import Fate, fate_of, is_final, is_model
-from viso.vehicle.outcomes.watch import UNITS, SampleTest
-from viso.web.desk import ACTIONS, Answer
+from viso.vehicle.outcomes import UNITS, Fate, SampleTest, fate_of, is_final, is_model
 from viso.web.diagnosis import RecentFrames
 from viso.web.faults import SWITCHES
-from viso.web.params import Reading, row_of, shown
 from viso.web.rates import Rates
+from viso.web.requests import ACTIONS, Answer
 from viso.web.runs import RUNS_KEPT, RunKey, Runs
+
+Reading = tuple[tuple[ParamSlot, ParamValue], ...]
+"""The parameters that are listed at a moment, in their order, each with its value."""
+
+
+def read_params(params: ParamTable) -> Reading:
+    """Return the parameters that are listed now; quick, for it is the vehicle's own thread that does it."""
+    return tuple((slot, slot.raw) for group in params.groups for slot in group.listed_slots)
+
+
+def defaults_of(params: ParamTable) -> dict[str, float | None]:
+    """Return the defaults of all parameters by name; they do not change after boot."""
+    names = (slot.name for group in params.groups for slot in group.slots)
+    found = (params.find(name) for name in names)
+    return {param.canonical_name: shown(param.default) for param in found if param is not None}
+
+
+def shown(value: ParamValue) -> float | None:
+    """Return the number with the fewest digits that rounds to what is stored; None for one that is not finite."""
+    if isinstance(value, int):
+        return value
+    return float(str(value)) if math.isfinite(value) else None
+
+
+def row_of(slot: ParamSlot, value: ParamValue, defaults: Mapping[str, float | None]) -> dict[str, Any]:
+    """Return a parameter as JSON has it."""
+    info = slot.row
+    return {
+        "name": slot.name,
+        "value": shown(value),
+        "default": defaults.get(slot.name),
+        "unit": info.unit,
+        "about": info.description,
+        "range": info.range,
+        "values": [[number, text] for number, text in info.values.items()],
+        "reboot": info.reboot_required,
+        "read_only": ParamFlag.READ_ONLY in info.flags,
+    }
+
 
 POINTS_KEPT: Final = 1200
 """Of paths and of curves; two minutes of ten per second."""

@@ -11,11 +11,11 @@ from mav_handlers.links.base import Link, LinkError, reason_of
 from viso.errors import InputError
 from viso.extras import pip_install
 from viso.running.real_time import NOW_S
-from viso.terminal.signals import stop_on_signal
-from viso.web.desk import Desk
+from viso.terminal.process import stop_on_signal
 from viso.web.faults import FaultSwitches, FaultyLink
 from viso.web.feed import Feed
 from viso.web.live_state import LiveState
+from viso.web.requests import Desk
 
 STOP_LOOK_S: Final = 0.2
 MISSING_EXTRA: Final = f"--web: the live view is served with starlette; install it with: {pip_install('web')}"

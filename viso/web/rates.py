@@ -8,9 +8,7 @@ from typing import Any, Final
 
 from ap_core.verdict import Outcome
 from mav_handlers.endpoint import BAD_DATA_NAME, MessageEvent
-from viso.vehicle.outcomes.labels import Fate, fate_of
-from viso.vehicle.outcomes.samples import FATE_WAIT_US, HandedSample, SampleFates
-from viso.vehicle.outcomes.watch import SampleTest
+from viso.vehicle.outcomes import FATE_WAIT_US, Fate, HandedSample, SampleFates, SampleTest, fate_of
 
 WINDOW_US: Final = 2_000_000
 OFFERED: Final = "offered"

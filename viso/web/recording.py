@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from mav_handlers.endpoint import MessageEvent
-from viso.vehicle.outcomes.watch import FilterWatch
+from viso.vehicle.outcomes import FilterWatch
 from viso.vehicle.vehicle import Vehicle
-from viso.web.desk import Desk
 from viso.web.faults import FaultSwitches
 from viso.web.feed import LOOK_PERIOD_S, Feed
 from viso.web.live_state import LiveState
+from viso.web.requests import Desk
 
 MOST_POINTS: Final = 6000
 MOMENT_S: Final = 1.0

@@ -24,9 +24,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from mav_handlers.links.base import is_short_of_descriptors
-from viso.web.desk import MAX_REQUEST_CHARS, Answer, asks_for_diagnosis, number_of
 from viso.web.diagnosis import examine
 from viso.web.live_state import LiveState, Seen
+from viso.web.requests import MAX_REQUEST_CHARS, Answer, asks_for_diagnosis, number_of
 from viso.web.same_site import SameSite
 
 _log = logging.getLogger(__name__)

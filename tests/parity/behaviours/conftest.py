@@ -10,9 +10,9 @@ import pytest
 from tests.parity.behaviours.logs import Recordings, recordings_of_run
 from tests.parity.behaviours.parked import Parked, source_set
 from viso.vehicle.config import bench, by_ekf3
-from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.script.script_file import parse_script
+from viso.vehicle.sensors.source import ImuOptions
 
 MakeParked = Callable[..., Parked]
 

@@ -21,7 +21,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from tests.parity.behaviours.logs import Log
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

@@ -24,7 +24,7 @@ from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
 from ekf_stub.reports import CoreReport
 from viso.parameters.table import make_groups
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.standing import BenchSource
 
 LOOP_US = 2500

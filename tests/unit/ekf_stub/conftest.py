@@ -11,7 +11,7 @@ import pytest
 from tests.copies import Copies
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from viso.vehicle.sensors.errors import NO_ERRORS, SensorErrors
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 
 
 @pytest.fixture(scope="session")

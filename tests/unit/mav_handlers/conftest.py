@@ -22,11 +22,11 @@ from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, STATUSTEXT, Message
 from tests.copies import Copies
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import bench, by_ekf3
-from viso.vehicle.sensors.flying import FlyingSource
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.moving import FlyingSource
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig
 
 M = TypeVar("M", bound=Message)

@@ -30,8 +30,7 @@ from tests.unit.viso.command_line import Outcome, Viso
 from viso import cli
 from viso.commands import serve as serve_command
 from viso.firmware.releases import REFERENCE
-from viso.logs.logger import Logger
-from viso.logs.sink import LogSink, MemoryLog
+from viso.logs.logger import Logger, LogSink, MemoryLog
 from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.table import make_groups
 from viso.running.virtual_time import Scheduler
@@ -39,8 +38,7 @@ from viso.terminal import console
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.flow import MavlinkFlow
 from viso.vehicle.ranges import MavlinkRanges
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.source import VehicleSource
+from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 
 BOOTED_US = 6_000_000

@@ -21,8 +21,7 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY, YAW, OwnFilter, Witness
 from viso.doctor.evidence.sender_clock import time_base_us
 from viso.doctor.evidence.tracks import Floats, HandledMessage
-from viso.vehicle.outcomes.labels import Fate, fate_of
-from viso.vehicle.outcomes.watch import UNITS, AidingSpan
+from viso.vehicle.outcomes import UNITS, AidingSpan, Fate, fate_of
 
 _CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"

@@ -21,7 +21,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.geometry.rotation import quats_from_euler
-from viso.vehicle.outcomes.samples import HandedSample
+from viso.vehicle.outcomes import HandedSample
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -18,8 +18,8 @@ from viso.replay.feed import Replay, ReplayedMessage
 from viso.streams.stream import received_in, timed_frames
 from viso.streams.stream_kinds import Stream
 from viso.vehicle.config import by_ekf3
-from viso.vehicle.outcomes.watch import AidingSpan, FilterWatch, Innovations
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.outcomes import AidingSpan, FilterWatch, Innovations
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.stream.follow import FollowSource
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

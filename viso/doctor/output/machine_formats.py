@@ -11,7 +11,7 @@ from urllib.parse import quote
 from viso.doctor.checks.check import Check, Finding, Severity
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.output.summary import Summary
-from viso.terminal.printable import printable
+from viso.terminal.process import printable
 
 SARIF_VERSION: Final = "2.1.0"
 _NUMBERS_IN_SARIF: Final = 100

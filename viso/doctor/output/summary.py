@@ -17,7 +17,7 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.lags import lateness_ms, shows_lags
 from viso.doctor.evidence.own_filter import CHANNELS, NOT_KNOWN, OwnFilter, Witness, source_name
 from viso.streams.stream_kinds import Aspect
-from viso.vehicle.outcomes.labels import Fate, fate_of
+from viso.vehicle.outcomes import Fate, fate_of
 
 LAG_EDGES_MS: Final = (5, 10, 20, 50, 100, 200, 500)
 

@@ -13,7 +13,7 @@ from ap_core.verdict import Outcome
 from viso.doctor.checks.check import Finding, Severity
 from viso.doctor.checks.phrases import at, how_often
 from viso.doctor.output.summary import Summary
-from viso.vehicle.outcomes.labels import Fate
+from viso.vehicle.outcomes import Fate
 
 _STYLES: Final = {Severity.ERROR: "bold red", Severity.WARNING: "bold yellow", Severity.NOTE: "bold blue"}
 _INDENT: Final = "    "

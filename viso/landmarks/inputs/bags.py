@@ -13,9 +13,18 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from viso.landmarks.inputs.base import LARGEST_M, LARGEST_S, InputFileError, Refused, counted, not_null_island
+from viso.landmarks.inputs.base import (
+    LARGEST_M,
+    LARGEST_S,
+    InputFileError,
+    Refused,
+    counted,
+    not_null_island,
+    pose_from_enu,
+    pose_from_ned,
+    rotation_of_quat,
+)
 from viso.landmarks.inputs.json_lines import JsonReader
-from viso.landmarks.inputs.poses import pose_from_enu, pose_from_ned, rotation_of_quat
 from viso.landmarks.types import CameraInfo, Event, GeodeticPoint, GlobalFix
 from viso.streams.bag_formats import opened_bag
 

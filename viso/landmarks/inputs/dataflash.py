@@ -20,8 +20,7 @@ from typing import Any, Final, Protocol
 
 from mav_handlers.wire.messages import ADSB_VEHICLE
 from viso.landmarks.adsb_vehicle import AdsbFlags, AltitudeType, from_message
-from viso.landmarks.inputs.base import InputFileError, Refused, counted, not_null_island
-from viso.landmarks.inputs.poses import ned_R_frd, pose_from_ned
+from viso.landmarks.inputs.base import InputFileError, Refused, counted, ned_R_frd, not_null_island, pose_from_ned
 from viso.landmarks.types import Event, GeodeticPoint, GlobalFix
 
 GPS_EPOCH_S: Final = 315_964_800

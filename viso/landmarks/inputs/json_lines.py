@@ -33,9 +33,10 @@ from viso.landmarks.inputs.base import (
     not_null_island,
     number,
     optional_number,
+    pose_from_enu,
+    rotation_of_quat,
 )
 from viso.landmarks.inputs.dump1090 import Dump1090Reader, json_record
-from viso.landmarks.inputs.poses import pose_from_enu, rotation_of_quat
 from viso.landmarks.types import (
     AircraftReport,
     CameraInfo,

@@ -19,8 +19,7 @@ from mav_handlers.links.tlog import TlogError, read_tlog
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ADSB_VEHICLE, ATTITUDE, GLOBAL_POSITION_INT, LOCAL_POSITION_NED, Message
 from viso.landmarks.adsb_vehicle import from_message
-from viso.landmarks.inputs.base import InputFileError, Refused, counted, not_null_island
-from viso.landmarks.inputs.poses import ned_R_frd, pose_from_ned
+from viso.landmarks.inputs.base import InputFileError, Refused, counted, ned_R_frd, not_null_island, pose_from_ned
 from viso.landmarks.types import Event, GeodeticPoint, GlobalFix
 
 POSITION_REACH_S: Final = 1.0

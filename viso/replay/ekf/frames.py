@@ -15,8 +15,7 @@ from ap_core.dataflash_columns import LogColumns
 from ekf_stub.core.imus import IMU_COLUMNS, MAX_IMUS, TIME_COLUMNS
 from ekf_stub.inputs.measurements import Array
 from ekf_stub.log.replay_log import INERTIAL, USE_ACCEL, USE_GYRO
-from viso.logs.record_fields import RecordError
-from viso.logs.recorded import table_of
+from viso.logs.recorded import RecordError, table_of
 
 Ints = npt.NDArray[np.int64]
 

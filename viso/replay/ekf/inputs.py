@@ -20,7 +20,7 @@ from ekf_stub.core.inertial import LOOP_DT
 from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.inputs.measurements import FIX_3D, Array, FinderState, FlowMeasurement, GpsSample, RangeState, RangeStatus
 from ekf_stub.reports import Three
-from viso.logs.record_fields import finite, instance, numbers, text, whole
+from viso.logs.recorded import finite, instance, numbers, text, whole
 
 _ORIGIN_SET: Final = " origin set"
 _ORIGIN_SETTLES_US: Final = 500_000  # until all cores have it

@@ -40,7 +40,7 @@ from ekf_stub.log.replay_log import (
 from ekf_stub.log.reporting import UNINITIALISED, report_of
 from ekf_stub.release import REFERENCE
 from ekf_stub.reports import CoreReport, Three, cores_of_mask, words_of
-from viso.logs.record_fields import RecordError, finite, numbers, text, whole
+from viso.logs.recorded import RecordError, finite, numbers, text, whole
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
 from viso.replay.ekf.frames import Frames
 from viso.replay.ekf.inputs import CoreInputs, ReplayInputs, flow_of

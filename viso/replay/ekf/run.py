@@ -22,8 +22,7 @@ from viso.errors import InputError
 from viso.firmware.flown import profile_for, version_in
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.logs.event_names import ERR_EKF_PRIMARY, EV_SOURCE_SET_1, EV_YAW_RESET
-from viso.logs.record_fields import RecordError, finite, text, whole
-from viso.logs.recorded import places_of, read_columns, records_in
+from viso.logs.recorded import RecordError, finite, places_of, read_columns, records_in, text, whole
 from viso.logs.vehicle_log import ORGN_EKF
 from viso.parameters.left_out import left_out
 from viso.replay.ekf.frames import AFTER_THE_FILTER, Frames

@@ -8,11 +8,10 @@ from typing import Final, NamedTuple
 
 from viso.errors import InputError
 from viso.vehicle.sensors.flown.source import read_recorded_source
-from viso.vehicle.sensors.flying import FlyingSource
-from viso.vehicle.sensors.hil.source import HilSource
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.hil import HilSource
+from viso.vehicle.sensors.moving import FlyingSource
 from viso.vehicle.sensors.script.script import read_script_source
-from viso.vehicle.sensors.source import VehicleSource
+from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 from viso.vehicle.sensors.standing import BenchSource
 from viso.vehicle.sensors.stream.follow import FollowSource
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sensors of what moves from pass to pass, which can be told ahead."""
+"""The sensors of what moves from pass to pass, such as a multicopter that flies as its controller demands."""
 
 from typing import Any
 
@@ -9,9 +9,9 @@ import numpy as np
 from ekf_stub.core.vectors import Quat
 from ekf_stub.inputs.measurements import Array, numbers_of
 from ekf_stub.inputs.sensors import Sensors
+from viso.vehicle.sensors.airframe import Airframe
 from viso.vehicle.sensors.motion import Moving
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.source import VehicleSource
+from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 
 
 class MovingSource(VehicleSource):
@@ -46,3 +46,25 @@ class MovingSource(VehicleSource):
         for time_us in times_us:
             self._motion.go_to(time_us)
         self._model.pass_over(len(times_us))
+
+
+class FlyingSource(MovingSource):
+    """Sensors of an airframe."""
+
+    airframe: Airframe
+
+    def __init__(self, options: ImuOptions) -> None:
+        self.airframe = Airframe(options.heading_rad)
+        super().__init__(options, self.airframe)
+
+    def _shown(self, now_us: int) -> tuple[float, Quat]:
+        state = self.airframe.state
+        return 0.0 - state.pos[2], state.seen().quat
+
+    def is_at_rest(self, until_us: int) -> bool:
+        """Return whether it stands still with its motors off."""
+        return self.airframe.is_at_rest()
+
+    def yaw_rad(self) -> float:
+        """Return the heading in rad, -pi..pi."""
+        return self.airframe.state.rpy[2]

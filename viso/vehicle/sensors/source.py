@@ -1,8 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every source of inertial data is to the vehicle that it moves; a class of its own says where it differs."""
+"""What every source of inertial data is to the vehicle, its options, and when barometer and compass are read.
 
-from collections.abc import Iterable
+The reference reads both ten times per second, and its filter gets a reading in the next pass of the main loop.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -12,10 +17,43 @@ from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import SensorSource
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from viso.vehicle.sensors.airframe import Airframe
-from viso.vehicle.sensors.errors import ErrorModel
+from viso.vehicle.sensors.errors import NO_ERRORS, ErrorModel, SensorErrors, to_single
 from viso.vehicle.sensors.flight import Event, Flight
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.readings import PERIOD_US, ideal_field, last_reading_us
+from viso.vehicle.sensors.vectors import to_body
+
+
+@dataclass(frozen=True, slots=True)
+class ImuOptions:
+    """What a source of inertial data may use.
+
+    Attributes:
+        heading_rad: where the vehicle points at first, if the source itself does not know.
+        has_compass: says whether there is a compass, and in use.
+        errors: what is wrong with the sensors.
+        seed: of the random part of the errors.
+    """
+
+    heading_rad: float = 0.0
+    has_compass: Callable[[], bool] = lambda: False
+    errors: SensorErrors = NO_ERRORS
+    seed: int = 0
+
+
+PERIOD_US: Final = 100_000
+PHASE_US: Final = 50_000
+FIELD_NED_MGAUSS: Final = (238.0, 0.0, -529.0)
+"""Strength and dip of the reference's place, without its declination."""
+
+
+def last_reading_us(now_us: int) -> int | None:
+    """Return when the newest reading was taken that a pass of the main loop sees, in us since boot; None if never."""
+    reading_us = (now_us - 1 - PHASE_US) // PERIOD_US * PERIOD_US + PHASE_US
+    return reading_us if reading_us >= 0 else None
+
+
+def ideal_field(quat: Quat) -> Array:
+    """Return the magnetic field in mGauss, body (FRD), of an attitude, body to earth (NED); declination is 0."""
+    return to_single(to_body(quat, FIELD_NED_MGAUSS))
 
 
 class VehicleSource(SensorSource):

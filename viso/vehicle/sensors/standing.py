@@ -11,9 +11,7 @@ from ekf_stub.core.vectors import quat_of_euler, scaled
 from ekf_stub.inputs.measurements import Array, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.vehicle.sensors.errors import exact_delta
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.readings import PERIOD_US, ideal_field, last_reading_us
-from viso.vehicle.sensors.source import VehicleSource
+from viso.vehicle.sensors.source import PERIOD_US, ImuOptions, VehicleSource, ideal_field, last_reading_us
 from viso.vehicle.sensors.vectors import to_body
 
 NOMINAL_US: Final = 2500

@@ -10,10 +10,10 @@ import numpy as np
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.world.motion import FlightPath
 from viso.geometry.rotation import Array, euler_from_rotations
-from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.script.legs import Motion, ScriptedPath
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.script.script_file import Script
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.vectors import Three
 
 _RATE_HZ: Final = 400  # of the main loop

@@ -13,8 +13,7 @@ from mav_handlers.handlers import HANDLERS
 from mav_handlers.verdicts import HANDLED, NO_HIL_INPUT
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION, Message
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.source import VehicleSource
+from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 
 SENSOR = HIL_SENSOR(
     12_345_678, 0.25, -0.5, -9.75, 0.125, 0.0, -0.5, 0.25, 0.0, 0.5, 1013.25, 0.0, 488.5, 20.0, 0x1FFF, 2

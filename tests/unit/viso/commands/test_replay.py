@@ -15,7 +15,7 @@ from tests.places import ROOT
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.vehicles import MAVPROXY, READY, beats, listed, recorded
-from viso.logs.single import single_log
+from viso.logs.files import single_log
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.stream_kinds import read_stream
 from viso.terminal.settings import needing_reboot

@@ -15,7 +15,7 @@ from mav_handlers.wire.messages import HEARTBEAT, PARAM_SET, SETUP_SIGNING
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from viso import cli
-from viso.terminal.presets import PRESETS
+from viso.terminal.settings import PRESETS
 
 ALIVE = HEARTBEAT(6, 8, 0, 0, 4, 3)
 KEY = bytes(range(1, 33))

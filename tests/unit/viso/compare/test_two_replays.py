@@ -24,8 +24,8 @@ from viso.compare.two_replays import (
 from viso.replay.run import ReplayOutcome, ReplaySetup, SaidText, run_replay
 from viso.streams.stream_kinds import Stream, StreamMessage
 from viso.vehicle.config import bench, by_ekf3
-from viso.vehicle.outcomes.watch import AidingSpan
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.outcomes import AidingSpan
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.stream.follow import FollowSource
 
 START_US = 6_000_000

@@ -14,7 +14,7 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from viso.dds import messages as ros
-from viso.dds.services import SERVICES
+from viso.dds.autopilot import SERVICES
 from viso.dds.topics import TOPICS, static_transforms
 from viso.firmware.releases import PROFILES
 from viso.vehicle.vehicle import Vehicle, VehicleConfig

@@ -12,7 +12,7 @@ from viso.companion.world.ground import generate_texture
 from viso.demo.errors import PoseErrors
 from viso.demo.loop import ARM_DISARM, ORIGIN, CompanionLoop, LoopSetup
 from viso.demo.survey_flight import SurveyPlan, survey_flight
-from viso.logs.sink import LogSink, MemoryLog
+from viso.logs.logger import LogSink, MemoryLog
 
 COMPANION_S: Final = 6.5
 ORIGIN_S: Final = 7.5

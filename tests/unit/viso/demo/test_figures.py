@@ -18,7 +18,7 @@ from viso.demo.loop import CompanionLoop
 from viso.demo.loop_plot import save_plot
 from viso.demo.record import COMPANION
 from viso.geometry.rotation import Array
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 
 pytestmark = pytest.mark.slow  # a flight with a companion
 

@@ -9,7 +9,7 @@ import pytest
 from tests.unit.viso.demo.hops import make_setup
 from viso.demo.loop import CompanionLoop
 from viso.demo.loop_plot import save_plot
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 
 pytestmark = pytest.mark.slow
 

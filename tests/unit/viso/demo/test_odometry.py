@@ -16,7 +16,7 @@ from viso.companion.vio.types import VioState
 from viso.demo.figures import LoopFigures, figures_of
 from viso.demo.odometry import ARM_S, COMPANION_S, COVERED_S, DISARM_S, END_S, RESTART_S, VioDemo, demo_setup
 from viso.demo.record import AUTOPILOT, COMPANION, Said
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 from viso.terminal.engine import with_engine
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 
 from tests.unit.viso.demo.hops import make_setup, play
 from viso.demo.record import AUTOPILOT
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 
 pytestmark = pytest.mark.slow
 

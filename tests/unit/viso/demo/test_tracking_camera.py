@@ -21,10 +21,10 @@ from viso.compare.estimates import compare_estimates
 from viso.demo.plot import save_plot
 from viso.demo.record import AUTOPILOT, Estimate
 from viso.demo.tracking_camera import ARM_S, COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult, flight_source
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 from viso.replay.ekf.run import EkfRun
-from viso.vehicle.outcomes.labels import Fate, fate_of
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.outcomes import Fate, fate_of
+from viso.vehicle.sensors.source import ImuOptions
 
 BEGUN_S = 10
 

@@ -23,7 +23,7 @@ from viso.doctor.evidence.trial import Trial
 from viso.doctor.evidence.vehicle_data import AttitudeSeries, VehicleData
 from viso.firmware.releases import REFERENCE
 from viso.streams.stream_kinds import Stream
-from viso.vehicle.outcomes.watch import AidingSpan
+from viso.vehicle.outcomes import AidingSpan
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 SETUP: Final[Mapping[str, float]] = {

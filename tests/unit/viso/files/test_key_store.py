@@ -16,7 +16,7 @@ from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, SETUP_SIGNING, Message
 from viso.files.key_store import FileKeyStore, KeyStoreError
 from viso.running.virtual_time import Scheduler
-from viso.vehicle.ftp.files import LOG_FOLDERS, VehicleFiles
+from viso.vehicle.ftp import LOG_FOLDERS, VehicleFiles
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 KEY = SigningKey(timestamp=123_456_789, secret_key=bytes(range(32)))

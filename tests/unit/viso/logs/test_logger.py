@@ -15,10 +15,8 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import EV, MSG, LogStructure
 from ap_core.param import ParamTable
 from viso.errors import InputError
-from viso.logs.files import LogStoreError
-from viso.logs.logger import STRUCTURES, Logger
-from viso.logs.single import single_log
-from viso.logs.sink import LogSink, MemoryLog
+from viso.logs.files import LogStoreError, single_log
+from viso.logs.logger import STRUCTURES, Logger, LogSink, MemoryLog
 from viso.parameters.table import make_groups
 
 if TYPE_CHECKING:

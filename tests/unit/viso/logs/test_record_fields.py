@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from viso.logs.record_fields import RecordError, finite, instance, numbers, whole
+from viso.logs.recorded import RecordError, finite, instance, numbers, whole
 
 
 def record(**fields: object) -> Any:

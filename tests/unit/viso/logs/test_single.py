@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from viso.errors import InputError
-from viso.logs.single import single_log
+from viso.logs.files import single_log
 
 
 def test_log_takes_the_place_of_a_file_at_the_end(tmp_path: Path) -> None:

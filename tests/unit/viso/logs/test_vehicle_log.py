@@ -12,8 +12,7 @@ from tests.places import DATA
 from tests.unit.viso.log_records import records
 from viso.firmware.log_releases import MSG_NUMBERED, number_and_piece
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
-from viso.logs.logger import STRUCTURES
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import STRUCTURES, MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

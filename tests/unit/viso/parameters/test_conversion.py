@@ -12,9 +12,8 @@ from ap_core.param import ParamTable
 from viso.errors import InputError
 from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
 from viso.parameters.conversion import CarriedOver, carry_over, name_here, skip_instead_of_check
-from viso.parameters.memory import MemoryParamStore
 from viso.parameters.releases import ALL_RENAMES, MAX_LINKS, SR_LINKS, checks_not_skipped
-from viso.parameters.store import ParamStore
+from viso.parameters.store import MemoryParamStore, ParamStore
 from viso.parameters.table import make_groups
 from viso.terminal.settings import load_settings
 from viso.vehicle.vehicle import Vehicle, VehicleConfig

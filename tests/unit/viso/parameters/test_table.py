@@ -14,9 +14,8 @@ from pymavlink.DFReader import DFReader_binary
 from ap_core.param import Param, ParamGroup, ParamInfo, ParamTable, ParamType
 from ap_visualodom.ap_visualodom import make_params
 from tests.places import DATA
-from viso.parameters.memory import MemoryParamStore, StoredParams
 from viso.parameters.releases import MAX_LINKS, STREAM_NAMES
-from viso.parameters.store import ParamStore
+from viso.parameters.store import MemoryParamStore, ParamStore, StoredParams
 from viso.parameters.table import make_groups
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

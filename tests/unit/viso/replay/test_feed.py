@@ -21,9 +21,8 @@ from viso.replay import feed
 from viso.replay.feed import Replay, ReplayedMessage, batches, makes_record
 from viso.streams.stream_kinds import Stream, StreamMessage
 from viso.vehicle.config import by_ekf3
-from viso.vehicle.outcomes.samples import FATE_WAIT_US
-from viso.vehicle.outcomes.watch import FilterWatch
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.outcomes import FATE_WAIT_US, FilterWatch
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.stream.follow import FollowSource
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

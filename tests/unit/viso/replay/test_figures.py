@@ -16,7 +16,7 @@ from ekf_stub.reports import AidingMode
 from viso.geometry.trajectory import Trajectory
 from viso.replay.figures import BY_TIME, LOWER_IS_BETTER, OBJECTIVES, Judge, Row
 from viso.replay.run import ReplayOutcome, SaidText
-from viso.vehicle.outcomes.watch import AidingSpan, FilterWatch, SampleTest
+from viso.vehicle.outcomes import AidingSpan, FilterWatch, SampleTest
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 

@@ -19,7 +19,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.logs.files import LogStore
-from viso.parameters.memory import MemoryParamStore
+from viso.parameters.store import MemoryParamStore
 from viso.running.power import Port, PoweredVehicle
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig

@@ -12,7 +12,7 @@ from mav_handlers.links.base import Link
 from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_SET, PARAM_VALUE, Message
-from viso.parameters.memory import MemoryParamStore
+from viso.parameters.store import MemoryParamStore
 from viso.running import real_time as realtime
 from viso.running.power import Port, PoweredVehicle
 from viso.running.real_time import Pacer

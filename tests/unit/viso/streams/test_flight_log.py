@@ -28,8 +28,8 @@ from tests.places import DATA
 from tests.unit.viso.conftest import odometry
 from viso.errors import InputError
 from viso.firmware.flown import FlownVersion
+from viso.logs.logger import MemoryLog
 from viso.logs.recorded import read_log, read_recorded_states
-from viso.logs.sink import MemoryLog
 from viso.replay.feed import Replay
 from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig

@@ -10,9 +10,9 @@ import numpy as np
 
 from mav_handlers.wire.codec import Codec
 from tests.unit.viso.conftest import odometry
-from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.script.script_file import parse_script
+from viso.vehicle.sensors.source import ImuOptions
 
 END_S: Final = 14.0
 PARAMS: Final = {

@@ -15,7 +15,7 @@ from tests.places import DATA
 from viso.errors import InputError
 from viso.terminal.ahrs import AhrsChoice, ahrs_maker
 from viso.vehicle.sensors.flown.source import RecordedSource
-from viso.vehicle.sensors.hil.source import HilSource
+from viso.vehicle.sensors.hil import HilSource
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.standing import BenchSource
 from viso.vehicle.sensors.stream.follow import FollowSource

@@ -18,7 +18,7 @@ from viso.terminal.filter_report import (
     innovation_table,
     tables_of,
 )
-from viso.vehicle.outcomes.watch import AidingSpan, Innovations
+from viso.vehicle.outcomes import AidingSpan, Innovations
 
 COUNTS = {("pose", "model_gate_position"): 2, ("pose", "taken"): 9, ("pose", "too_soon"): 4, ("yaw", "model_fused"): 7}
 SPANS = [AidingSpan(0, 5_117_500, AidingMode.NONE), AidingSpan(5_117_500, 35_000_000, AidingMode.ABSOLUTE)]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-from viso.terminal.line_writer import LineWriter
+from viso.terminal.verdict_stream import LineWriter
 
 
 class Pipe(NamedTuple):

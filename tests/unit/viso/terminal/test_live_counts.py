@@ -10,7 +10,7 @@ from rich.console import Console
 from ap_core.verdict import Outcome
 from mav_handlers.verdicts import NOT_ADDRESSED
 from viso.terminal.console import VerdictCounts
-from viso.terminal.live_counts import REFRESH_US, LiveCounts
+from viso.terminal.live_report import REFRESH_US, LiveCounts
 
 CODE = NOT_ADDRESSED.rule.code
 LINE_UP_AND_CLEAR = "\x1b[1A\x1b[2K"

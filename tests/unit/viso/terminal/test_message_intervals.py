@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from viso.errors import InputError
-from viso.terminal.message_intervals import load_message_intervals
+from viso.terminal.settings import load_message_intervals
 
 
 def test_each_link_has_a_file_of_its_own(tmp_path: Path) -> None:

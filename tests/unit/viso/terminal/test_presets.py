@@ -19,8 +19,7 @@ from viso.companion.simulated_camera import SimulatedCamera
 from viso.companion.trials.scripted_flight import Flight
 from viso.errors import InputError
 from viso.running.virtual_time import Scheduler
-from viso.terminal.presets import PRESETS, preset_files, preset_title
-from viso.terminal.settings import load_settings
+from viso.terminal.settings import PRESETS, load_settings, preset_files, preset_title
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 
 NORTH_RAD = 0.0

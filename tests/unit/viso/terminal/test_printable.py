@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from viso.terminal import console
-from viso.terminal.printable import printable, printable_output
+from viso.terminal.process import printable, printable_output
 
 HOSTILE = "A\x1b[31m\x07\r\b\x9b2J\u202e\udcff\x7fZ"
 SPELLED = r"A\x1b[31m\x07\r\x08\x9b2J\u202e\udcff\x7fZ"

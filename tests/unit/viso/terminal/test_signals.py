@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from viso.terminal.signals import stop_on_signal
+from viso.terminal.process import stop_on_signal
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

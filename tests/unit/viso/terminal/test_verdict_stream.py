@@ -14,8 +14,8 @@ from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
 from tests.unit.viso.conftest import BOOTED_US, Bench, odometry
-from viso.terminal.line_writer import LineWriter
 from viso.terminal.verdict_stream import (
+    LineWriter,
     VerdictFormat,
     VerdictStream,
     filter_json_line,

@@ -7,7 +7,7 @@ import pytest
 from tests.copies import Copies
 from viso.testing import Autopilot, AutopilotOptions
 from viso.testing import autopilot as autopilot_module
-from viso.testing.booted import BootedVehicle, booted_vehicle
+from viso.testing.vehicle import BootedVehicle, booted_vehicle
 
 _BOOTED: dict[str, Copies[BootedVehicle]] = {}
 

@@ -17,7 +17,7 @@ from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, STATUSTEXT, VISIO
 from tests.unit.viso.testing.sample_odometry import odometry
 from viso.testing import Autopilot, AutopilotOptions
 from viso.testing.diagnosis import check_no_findings
-from viso.vehicle.outcomes.labels import Fate
+from viso.vehicle.outcomes import Fate
 
 
 def fly(autopilot: Autopilot, count: int) -> None:

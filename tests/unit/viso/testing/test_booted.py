@@ -9,9 +9,9 @@ import pytest
 from mav_handlers.wire.codec import Codec
 from tests.places import ROOT
 from tests.unit.viso.testing.sample_odometry import odometry
-from viso.terminal.presets import PRESETS
+from viso.terminal.settings import PRESETS
 from viso.testing import AutopilotOptions
-from viso.testing.booted import READY_US, BootedVehicle, booted_vehicle
+from viso.testing.vehicle import READY_US, BootedVehicle, booted_vehicle
 
 
 def flown(booted: BootedVehicle) -> tuple[bytes, bytes]:

@@ -24,11 +24,11 @@ from mav_handlers.wire.messages import (
 )
 from tests.unit.viso.conftest import read_log
 from viso.firmware.releases import PROFILES, REFERENCE, Firmware
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 from viso.replay.ekf.run import EkfRun
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import by_ekf3
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.stream.follow import FollowSource
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 

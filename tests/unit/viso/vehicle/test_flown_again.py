@@ -11,13 +11,13 @@ from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import GpsSample
-from viso.logs.sink import MemoryLog
+from viso.logs.logger import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.copter.modes import ModeNumber
 from viso.vehicle.sensors.flight import PASS_US, Basis, Event, Flight, Happening, Readings, readings
 from viso.vehicle.sensors.flown.source import RecordedSource
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 PLACE = Location(-353632610, 1491652300, 58400)

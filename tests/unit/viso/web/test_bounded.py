@@ -5,7 +5,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.web.bounded import BoundedQueue
+from viso.web.requests import BoundedQueue
 
 
 @given(st.lists(st.integers(), max_size=40), st.integers(1, 20))

@@ -14,8 +14,8 @@ from ap_core.verdict import Verdict
 from mav_handlers.verdicts import PARAM_NOT_FINITE, PARAM_UNKNOWN
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE
 from tests.unit.viso.conftest import Bench
-from viso.web.desk import ACTIONS, REQUESTS_WAITING, Answer, Desk
 from viso.web.faults import FaultSwitches
+from viso.web.requests import ACTIONS, REQUESTS_WAITING, Answer, Desk
 
 
 def ask(bench: Bench, desk: Desk | None = None, **request: Any) -> Answer:

@@ -13,8 +13,8 @@ from mav_handlers.wire.codec import Header
 from mav_handlers.wire.messages import ODOMETRY
 from tests.unit.viso.conftest import Bench
 from tests.unit.viso.web.test_live_state import Watched
-from viso.web.desk import asks_for_diagnosis
 from viso.web.diagnosis import KEPT_US, RecentFrames, examine
+from viso.web.requests import asks_for_diagnosis
 
 
 def event(now_us: int, frame: bytes) -> MessageEvent:

@@ -13,10 +13,10 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import HEARTBEAT
 from tests.unit.viso.conftest import Bench, odometry
-from viso.web.desk import Desk
 from viso.web.faults import FaultSwitches
 from viso.web.feed import Feed
 from viso.web.live_state import LiveState
+from viso.web.requests import Desk
 from viso.web.server import encode
 
 INDOORS = {

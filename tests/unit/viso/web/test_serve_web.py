@@ -8,9 +8,9 @@ import pytest
 
 from tests.places import ROOT
 from tests.unit.viso.command_line import Viso, failed_with
-from viso.web.desk import ACTIONS
 from viso.web.faults import SWITCHES
 from viso.web.live_view import LiveView
+from viso.web.requests import ACTIONS
 
 PAGE = ROOT / "docs" / "web.md"
 

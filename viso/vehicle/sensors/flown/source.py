@@ -22,8 +22,7 @@ from viso.vehicle.sensors.flown.estimates import estimates
 from viso.vehicle.sensors.flown.events import events_of
 from viso.vehicle.sensors.flown.imu_records import imu_records
 from viso.vehicle.sensors.flown.replay_records import replay_records
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.source import VehicleSource
+from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 
 READERS: Final[Mapping[Basis, Callable[[LogColumns, int], Flight | None]]] = MappingProxyType(
     {Basis.REPLAY: replay_records, Basis.IMU: imu_records, Basis.ESTIMATE: estimates}

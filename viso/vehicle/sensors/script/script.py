@@ -14,10 +14,9 @@ from viso.errors import InputError
 from viso.files.text_files import read_text
 from viso.vehicle.sensors.motion import Moving, State, Truth, delta_between
 from viso.vehicle.sensors.moving import MovingSource
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.readings import last_reading_us
 from viso.vehicle.sensors.script.legs import TURN
 from viso.vehicle.sensors.script.script_file import EXAMPLES, Script, parse_script
+from viso.vehicle.sensors.source import ImuOptions, last_reading_us
 
 FIRST_INTERVAL_US: Final = 2500
 

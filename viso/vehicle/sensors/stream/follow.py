@@ -15,7 +15,7 @@ from ekf_stub.inputs.measurements import InertialDelta
 from viso.vehicle.sensors.errors import exact_delta
 from viso.vehicle.sensors.motion import Moving
 from viso.vehicle.sensors.moving import MovingSource
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.standing import LONGEST_US, NOMINAL_US, SHORTEST_US
 from viso.vehicle.sensors.stream.follower import StreamFollower
 from viso.vehicle.sensors.stream.frame import Pose

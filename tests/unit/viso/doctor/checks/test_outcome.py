@@ -12,8 +12,7 @@ from ekf_stub.inputs.ingest_rules import FUSED, GATE_POSITION, FilterOutcome
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, seen
 from viso.doctor import Finding, HandledMessage, Severity
-from viso.vehicle.outcomes.samples import HandedSample
-from viso.vehicle.outcomes.watch import Innovations, SampleTest
+from viso.vehicle.outcomes import HandedSample, Innovations, SampleTest
 
 PERIOD_US = 40_000
 

@@ -43,7 +43,7 @@ from viso.doctor.evidence.vehicle_position import PositionSeries
 from viso.doctor.output.summary import summarise
 from viso.doctor.output.terminal import summary_lines
 from viso.logs.recorded import read_columns
-from viso.vehicle.outcomes.watch import AidingSpan
+from viso.vehicle.outcomes import AidingSpan
 
 LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
 TURNED: Final = (math.cos(0.35), 0.0, 0.0, math.sin(0.35))

@@ -18,7 +18,7 @@ from viso.doctor.checks import CHECKS
 from viso.doctor.output.summary import summarise
 from viso.errors import InputError
 from viso.streams.stream_kinds import Stream, StreamMessage
-from viso.vehicle.outcomes.labels import Fate
+from viso.vehicle.outcomes import Fate
 
 END_US = LEAD_US + 2_000_000
 

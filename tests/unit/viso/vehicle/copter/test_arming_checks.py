@@ -14,7 +14,7 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import GpsSample
 from ekf_stub.reports import FilterFlag, FilterStatus
 from viso.logs.files import LogStoreError
-from viso.logs.sink import LogSink
+from viso.logs.logger import LogSink
 from viso.vehicle.copter.modes import ModeNumber
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from ap_visualodom.var_info import VAR_INFO
 from mav_handlers.transfers.ftp import FtpPeer, FtpReply, FtpServer
 from mav_handlers.transfers.param_pck import PackedParam, build_param_pck
 from viso.parameters.table import make_groups
-from viso.vehicle.ftp.files import VehicleFiles
+from viso.vehicle.ftp import VehicleFiles
 
 SYSTEM, COMPONENT = 255, 190
 POLL_S = 0.0025

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from ap_core.param import ParamGroup, ParamInfo, ParamTable, ParamType
 from mav_handlers.transfers.ftp_ports import Entry, Failure, ReadableFile
 from mav_handlers.transfers.param_pck import PackedParam, PckQuery, build_param_pck
-from viso.vehicle.ftp.files import VehicleFiles
-from viso.vehicle.ftp.open_files import DiskFile, ParamPckFile
+from viso.vehicle.ftp import DiskFile, ParamPckFile, VehicleFiles
 
 ABSENT = Failure(errno.ENOENT)
 INVALID = Failure(errno.EINVAL)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The report on the links."""
 
-from viso.vehicle.ftp.uarts_text import UartCounts, UartsText
+from viso.vehicle.ftp import UartCounts, UartsText
 
 
 class Links:

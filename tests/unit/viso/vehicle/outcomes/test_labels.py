@@ -9,7 +9,7 @@ import pytest
 from ap_core.verdict import Rule
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
-from viso.vehicle.outcomes.labels import Fate, as_dict, basis, fate_of, final_counts, is_final, is_model, sentence, why
+from viso.vehicle.outcomes import Fate, as_dict, basis, fate_of, final_counts, is_final, is_model, sentence, why
 
 GATES = (rules.GATE_POSITION, rules.GATE_VELOCITY, rules.GATE_HEIGHT, rules.GATE_YAW, rules.GATE_ODOMETRY)
 DOOR = (

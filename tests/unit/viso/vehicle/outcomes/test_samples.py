@@ -5,8 +5,7 @@
 from ap_core.verdict import Rule
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
-from viso.vehicle.outcomes.samples import HandedSample, SampleFates
-from viso.vehicle.outcomes.watch import SampleTest
+from viso.vehicle.outcomes import HandedSample, SampleFates, SampleTest
 
 
 class Rig:

@@ -14,8 +14,7 @@ from ekf_stub.reports import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from tests.copies import Copies
 from tests.unit.viso.conftest import Bench, booted, odometry
-from viso.vehicle.outcomes.labels import Fate, fate_of, is_final
-from viso.vehicle.outcomes.watch import FilterWatch, SampleTest
+from viso.vehicle.outcomes import Fate, FilterWatch, SampleTest, fate_of, is_final
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 BY_EXT_NAV = {

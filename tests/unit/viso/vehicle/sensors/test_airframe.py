@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from ekf_stub.core.inertial import GRAVITY_MSS
 from viso.vehicle.sensors.airframe import MOTORS_OFF, AirframeState, Demand, moved
-from viso.vehicle.sensors.flying import FlyingSource
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.moving import FlyingSource
+from viso.vehicle.sensors.source import ImuOptions
 
 PASS_US = 2500
 HOVER = Demand(thrust_m_s2=GRAVITY_MSS)

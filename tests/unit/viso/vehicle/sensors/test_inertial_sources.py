@@ -11,11 +11,11 @@ from ekf_stub.inputs.sensors import SensorSource
 from tests.places import DATA
 from viso.errors import InputError
 from viso.vehicle.sensors.flown.source import RecordedSource
-from viso.vehicle.sensors.flying import FlyingSource
-from viso.vehicle.sensors.hil.source import HilSource
+from viso.vehicle.sensors.hil import HilSource
 from viso.vehicle.sensors.inertial_sources import IMU_HELP, IMU_SOURCES, read_source
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.moving import FlyingSource
 from viso.vehicle.sensors.script.script import ScriptSource
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.standing import BenchSource
 from viso.vehicle.sensors.stream.follow import FollowSource
 

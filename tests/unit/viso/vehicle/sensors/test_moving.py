@@ -12,11 +12,10 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import numbers_of
 from viso.vehicle.sensors.airframe import Demand
-from viso.vehicle.sensors.flying import FlyingSource
-from viso.vehicle.sensors.moving import MovingSource
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.moving import FlyingSource, MovingSource
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.script.script_file import parse_script
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.stream.follow import FollowSource
 
 PASS_US = 2500

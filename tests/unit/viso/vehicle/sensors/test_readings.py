@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ekf_stub.core.vectors import quat_of_euler
-from viso.vehicle.sensors.readings import ideal_field, last_reading_us
+from viso.vehicle.sensors.source import ideal_field, last_reading_us
 
 
 @pytest.mark.parametrize(("now_us", "reading_us"), [

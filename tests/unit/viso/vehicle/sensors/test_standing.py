@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ekf_stub.inputs.sensors import Sensors
 from viso.vehicle.sensors.errors import SensorErrors
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.standing import BenchSource
 
 G = 9.80665

@@ -11,7 +11,7 @@ from tests.unit.viso.companion.world.from_ground import from_ground
 from viso.companion.vio.frames import ENU_TO_NED, FLU_TO_FRD
 from viso.companion.world.motion import nadir_survey
 from viso.geometry.rotation import Array, rotation_from_quat_wxyz
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.world_flight import WorldFlight, WorldLeg, flight_source
 
 FLIGHT = from_ground(nadir_survey(8.0, 20.0), still_s=1.0, climb_s=4.0, ramp_s=2.0)

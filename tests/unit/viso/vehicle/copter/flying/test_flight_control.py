@@ -17,8 +17,8 @@ from tests.copies import Copies
 from tests.unit.viso.conftest import CopterRig
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.modes import ModeNumber, ModeReason
-from viso.vehicle.sensors.flying import FlyingSource
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.moving import FlyingSource
+from viso.vehicle.sensors.source import ImuOptions
 
 PERIOD_US = 20_000
 PLACE = Location(473977420, 85455940, 48800)

@@ -19,7 +19,7 @@ from tests.places import DATA
 from viso.errors import InputError
 from viso.vehicle.sensors.errors import SensorErrors
 from viso.vehicle.sensors.flown.source import RecordedSource, read_recorded_source
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 
 FIRMWARE_LOG = DATA / "logs" / "prearm.BIN.xz"
 LOOP_US = 2500

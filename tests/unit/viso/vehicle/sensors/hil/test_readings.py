@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viso.vehicle.sensors.hil.readings import LATE_US, MessageTime, RelativeHeight, isa_height_m
+from viso.vehicle.sensors.hil import LATE_US, MessageTime, RelativeHeight, isa_height_m
 
 
 @pytest.mark.parametrize(

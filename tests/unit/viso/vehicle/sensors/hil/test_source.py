@@ -16,7 +16,7 @@ from ekf_stub.core.vectors import quat_of_euler, scaled
 from mav_handlers.wire.messages import HIL_SENSOR, HIL_STATE_QUATERNION
 from tests.unit.viso.vehicle.sensors.conftest import LOOP_US
 from viso.vehicle.sensors.errors import SensorErrors
-from viso.vehicle.sensors.hil.source import (
+from viso.vehicle.sensors.hil import (
     UPDATED_ABS_PRESSURE,
     UPDATED_INERTIAL,
     UPDATED_MAG,
@@ -24,8 +24,7 @@ from viso.vehicle.sensors.hil.source import (
     UPDATED_RESET,
     HilSource,
 )
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.readings import FIELD_NED_MGAUSS
+from viso.vehicle.sensors.source import FIELD_NED_MGAUSS, ImuOptions
 from viso.vehicle.sensors.vectors import to_body
 
 if TYPE_CHECKING:

@@ -17,9 +17,9 @@ from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
 from viso.vehicle.sensors.errors import SensorErrors
-from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.script.script import ScriptSource, read_script_source
 from viso.vehicle.sensors.script.script_file import parse_script
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.vectors import halfway, rotation_between
 
 G = 9.80665

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.unit.viso.vehicle.sensors.conftest import LOOP_US
-from viso.vehicle.sensors.options import ImuOptions
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.script.script_file import parse_script
+from viso.vehicle.sensors.source import ImuOptions
 
 if TYPE_CHECKING:
     from tests.unit.viso.vehicle.sensors.conftest import FilterLoop, MakeLoop

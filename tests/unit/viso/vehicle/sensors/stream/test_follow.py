@@ -22,8 +22,7 @@ from ekf_stub.inputs.measurements import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from tests.unit.viso.vehicle.sensors.conftest import LEVEL, LOOP_US, Three, Wxyz, yawed
 from viso.vehicle.sensors.errors import SensorErrors
-from viso.vehicle.sensors.options import ImuOptions
-from viso.vehicle.sensors.readings import FIELD_NED_MGAUSS
+from viso.vehicle.sensors.source import FIELD_NED_MGAUSS, ImuOptions
 from viso.vehicle.sensors.stream.follow import ACCELERATION_DELAY_S, REST_UNTIL_US, FollowSource
 
 AGE_MS = 50

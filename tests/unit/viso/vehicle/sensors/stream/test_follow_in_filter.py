@@ -13,7 +13,7 @@ from ekf_stub.reports import CoreReport
 from tests.places import DATA
 from tests.unit.viso.vehicle.sensors.conftest import LEVEL, LOOP_US, FilterLoop, Three, Wxyz, yawed
 from viso.logs.recorded import read_log
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.stream.follow import FollowSource
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import pytest
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from mav_handlers.wire.messages import ODOMETRY
 from viso.vehicle.config import by_ekf3
-from viso.vehicle.sensors.options import ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.stream.follow import FollowSource
 
 if TYPE_CHECKING:

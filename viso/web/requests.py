@@ -1,16 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What pages ask for, and how it is done: as a ground station's message, by the vehicle's own handlers.
+"""What pages ask for, and how it is done: as a message of a ground station, by the vehicle's own handlers.
 
-A page is nobody's peer on a link: its messages go straight to the handlers, and answers to it alone. What the firmware
-tells every link because of it, such as the new value of a parameter, is told to every link.
+A page is no peer on a link: its messages go straight to the handlers, and answers go to it alone. What the firmware
+sends to every link because of it, such as the new value of a parameter, is sent to every link.
 """
 
 import math
+import threading
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 
@@ -24,8 +26,46 @@ from mav_handlers.wire.codec import Codec, Header, Received, message_id
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, PARAM_SET, Message
 from viso.documents import parsed_json
 from viso.vehicle.vehicle import Vehicle
-from viso.web.bounded import BoundedQueue
 from viso.web.faults import FaultSwitches
+
+T = TypeVar("T")
+
+
+class BoundedQueue(Generic[T]):
+    """Holds the newest things that nobody has taken yet; over a limit the oldest go, and are counted as lost."""
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._waiting: deque[T] = deque()
+        self._lock = threading.Lock()
+        self.lost = 0
+
+    def __len__(self) -> int:
+        """Return how many wait."""
+        return len(self._waiting)
+
+    def put(self, thing: T) -> None:
+        """Add something."""
+        with self._lock:  # held by the other side for as long as two assignments take
+            if len(self._waiting) >= self._limit:
+                self._waiting.popleft()
+                self.lost += 1
+            self._waiting.append(thing)
+
+    def put_if_room(self, thing: T) -> bool:
+        """Add something unless there is no room; say whether it was added."""
+        with self._lock:
+            if len(self._waiting) >= self._limit:
+                return False
+            self._waiting.append(thing)
+            return True
+
+    def take_all(self) -> deque[T]:
+        """Return all that waits, oldest first."""
+        with self._lock:
+            taken, self._waiting = self._waiting, deque()
+        return taken
+
 
 GCS_SYSTEM_ID: Final = 255
 GCS_COMPONENT_ID: Final = 190

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The option that chooses which firmware to be."""
+"""Options of several commands: which firmware to be, and the domain of live topics."""
 
 from typing import Annotated
 
@@ -29,3 +29,8 @@ def firmware_of(name: str, option: str = "--firmware") -> Firmware:
     if name not in PROFILES:
         raise InputError(f"{option} {name}: no such profile; there are {', '.join(PROFILES)}")
     return PROFILES[name]
+
+
+DomainOption = Annotated[
+    int, typer.Option("--domain", envvar="ROS_DOMAIN_ID", help="Of a live topic: the domain of DDS.", metavar="ID")
+]

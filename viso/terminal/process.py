@@ -1,11 +1,27 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texts of others on a terminal: names in files, messages and file names must not be obeyed by it."""
+"""The process of a command: it ends on signals, and prints nothing that a terminal would obey."""
 
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from typing import Any, TextIO, cast
+
+
+@contextmanager
+def stop_on_signal() -> Iterator[list[int]]:
+    """Yield a list to which SIGINT and SIGTERM append instead of killing the process."""
+    received: list[int] = []
+    before = {
+        number: signal.signal(number, lambda caught, _frame: received.append(caught))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield received
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def printable(text: str) -> str:
