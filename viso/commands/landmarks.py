@@ -32,7 +32,6 @@ from viso.landmarks.scene import ESTIMATED_LABEL, ODOMETRY_LABEL
 from viso.landmarks.session import ReceiverWatch, Session, Settings
 from viso.landmarks.synthetic import Planted, SyntheticFlight
 from viso.landmarks.types import CameraInfo, Event, GeodeticPoint, LandmarkMap
-from viso.logs.recorded import read_log
 from viso.terminal.console import drawing, err, out
 from viso.terminal.outputs import Output
 from viso.terminal.process import stop_on_signal
@@ -193,7 +192,7 @@ def landmarks(
     draw = None if plot is None and frames is None else _draw(palette, extent, with_sky=all_sky)
     console = err if as_json else out
     follow = follow or any(map(is_live, names))
-    options = InputOptions(read_log, odometry_is_ned=ned, utc_offset_s=3600 * utc_offset_h)
+    options = InputOptions(odometry_is_ned=ned, utc_offset_s=3600 * utc_offset_h)
     with ExitStack() as stack:
         stack.enter_context(_one_line_extras())
         signals = stack.enter_context(stop_on_signal())

@@ -4,13 +4,16 @@
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from mav_handlers.channel import Channel
 from mav_handlers.links import wait_readable
 from mav_handlers.links.base import Link, Readable
 from viso.running.power import PoweredVehicle
-from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
+from viso.vehicle.vehicle import LOOP_PERIOD_US
+
+if TYPE_CHECKING:
+    from viso.dds.autopilot import DdsAutopilot  # needs the extra ros2
 
 NOW_S: Final = time.monotonic
 """The wall clock, in seconds."""
@@ -23,25 +26,11 @@ READ_BUDGET_S: Final = 0.01
 """How long the links may hand in by turns before the main loop's turn."""
 
 
-class Companion(Protocol):
-    """Who exchanges with the vehicle beside its links, such as the topics of a ROS 2 graph."""
-
-    @property
-    def readers(self) -> Sequence[Readable]:
-        """What is to be waited for."""
-
-    def due_us(self) -> int:
-        """Return when it has something to do next, us since boot."""
-
-    def exchange(self, vehicle: Vehicle) -> None:
-        """Hand what has come to the vehicle, and take what is due; the vehicle's clock tells the time."""
-
-
 class Pacer:
     """Runs a fresh vehicle in step with the wall clock, over restarts; each of its ports has an open link.
 
-    ``speedup`` is how many seconds of the vehicle pass in one of ``now_s``, a monotonic clock; ``beside`` is who else
-    exchanges with the vehicle.
+    ``speedup`` is how many seconds of the vehicle pass in one of ``now_s``, a monotonic clock; ``beside`` exchange
+    with the vehicle over DDS.
     """
 
     def __init__(
@@ -50,7 +39,7 @@ class Pacer:
         links: Sequence[Link],
         *,
         speedup: float = 1.0,
-        beside: Sequence[Companion] = (),
+        beside: Sequence["DdsAutopilot"] = (),
         now_s: Callable[[], float] = NOW_S,
     ) -> None:
         self._powered = powered
@@ -84,8 +73,8 @@ class Pacer:
             due_us = max(self._next_loop_us, min(due_us, until_us - self._before_restart_us))
         wait_us = min([due_us, *(other.due_us() for other in self._beside)]) - self._now_us()
         if wait_us > 0:
-            others = (reader for other in self._beside for reader in other.readers)
-            wait_readable([*self._links, *others], wait_us / 1e6 / self._speedup)
+            readers: list[Readable] = [*self._links, *(reader for other in self._beside for reader in other.readers)]
+            wait_readable(readers, wait_us / 1e6 / self._speedup)
         self._make_up(min(self._now_us(), due_us - 1))
         self._admit()
         self._read()

@@ -6,13 +6,20 @@ import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Final, TypeVar
 
+from ap_core.location import Location
 from ap_core.verdict import Outcome
-from mav_handlers.wire.messages import Message
+from mav_handlers.wire.messages import (
+    COMMAND_ACK,
+    COMMAND_LONG,
+    SET_GPS_GLOBAL_ORIGIN,
+    SET_POSITION_TARGET_LOCAL_NED,
+    Message,
+)
 from viso.files.outputs import replace_file
 from viso.firmware.releases import PROFILES
-from viso.testing import claims, flights
+from viso.testing import claims
 from viso.testing.golden import GoldenFiles
 from viso.testing.observations import MessageVerdict, Record, StatusText
 from viso.testing.observer import VISION_RECORDS, Observer
@@ -20,12 +27,23 @@ from viso.testing.options import AutopilotOptions
 from viso.testing.sender import Sender
 from viso.testing.vehicle import LiveParams, booted_vehicle
 from viso.vehicle.outcomes import FilterWatch
+from viso.vehicle.sensors.airframe import Airframe
 from viso.vehicle.sensors.motion import Truth
 from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 __tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
 
 M = TypeVar("M", bound=Message)
+
+GUIDED: Final = 4
+NEAR_M: Final = 0.2
+ORIGIN: Final = Location(-353632621, 1491652374, 58400)
+"""Where the simulator of the firmware starts."""
+
+_STEP_S: Final = 0.05
+_ARM, _TAKEOFF, _LAND, _SET_MODE = 400, 22, 21, 176
+_ONLY_POSITION: Final = 0b0000_1101_1111_1000  # of SET_POSITION_TARGET_LOCAL_NED.type_mask
+_WITH_YAW: Final = ~(1 << 10)
 
 
 @dataclass(slots=True)
@@ -188,16 +206,26 @@ class Autopilot:
     @property
     def truth(self) -> Truth:
         """Where the vehicle really is: ``pos_ned`` in m, ``vel_ned`` in m/s, ``quat_wxyz``; with imu="fly" alone."""
-        return flights.truth_of(self)
+        return self._airframe().truth()
 
     def takeoff(self, height_m: float, *, within_s: float = 30.0) -> None:
         """Change to GUIDED, arm, take off, and wait until the vehicle is there by its own estimate.
+
+        A vehicle without an origin gets that of the firmware's simulator.
 
         Raises:
             AssertionError: it refused, or was not there in time; the text tells what it said.
             ValueError: it is no vehicle that flies.
         """
-        flights.take_off(self, height_m, within_s)
+        self._airframe()
+        start_m, copter = self._height_m(), self.vehicle.copter
+        if self.vehicle.ahrs.origin() is None:
+            self._send_as_station(SET_GPS_GLOBAL_ORIGIN(1, ORIGIN.lat, ORIGIN.lng, 10 * ORIGIN.alt_cm))
+        self._command(_SET_MODE, 1.0, GUIDED)
+        self._wait(lambda: copter.arming.pre_arm_checks(display=False), within_s, "readiness to arm")
+        self._command(_ARM, 1.0)
+        self._command(_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
+        self._wait(lambda: self._height_m() > start_m + height_m - NEAR_M, within_s, f"a height of {height_m} m")
 
     def goto(
         self, north_m: float, east_m: float, height_m: float, *, yaw_deg: float | None = None, within_s: float = 60.0
@@ -208,7 +236,18 @@ class Autopilot:
             AssertionError: it was not there in time; the text tells where it is and what it said.
             ValueError: it is no vehicle that flies.
         """
-        flights.go_to(self, north_m, east_m, height_m, yaw_deg, within_s)
+        self._airframe()
+        mask = _ONLY_POSITION if yaw_deg is None else _ONLY_POSITION & _WITH_YAW
+        zeros = (0.0,) * 6
+        target = north_m, east_m, -height_m
+        yaw_rad = math.radians(yaw_deg or 0.0)
+        self._send_as_station(SET_POSITION_TARGET_LOCAL_NED(0, 1, 1, 1, mask, *target, *zeros, yaw_rad, 0.0))
+
+        def is_there() -> bool:
+            pos = self.vehicle.ahrs.get_relative_position_NED_origin_float()
+            return pos is not None and math.dist(pos.to_tuple(), target) < NEAR_M
+
+        self._wait(is_there, within_s, f"{north_m} m north, {east_m} m east at {height_m} m")
 
     def land(self, *, within_s: float = 60.0) -> None:
         """Land, and wait until the vehicle has disarmed itself.
@@ -217,7 +256,49 @@ class Autopilot:
             AssertionError: it refused, or did not in time; the text tells what it said.
             ValueError: it is no vehicle that flies.
         """
-        flights.land(self, within_s)
+        self._airframe()
+        self._command(_LAND)
+        self._wait(lambda: not self.vehicle.copter.is_armed(), within_s, "the ground")
+
+    def _airframe(self) -> Airframe:
+        """Return what flies. Raises ValueError if the vehicle does not fly."""
+        airframe = self.vehicle.source.airframe
+        if airframe is None:
+            raise ValueError("this autopilot does not fly: ask for imu='fly'")
+        return airframe
+
+    def _height_m(self) -> float:
+        pos = self.vehicle.ahrs.get_relative_position_NED_origin_float()
+        return 0.0 if pos is None else -float(pos.z)
+
+    def _send_as_station(self, message: Message) -> None:
+        """Send a message as a ground station does."""
+        self.send(message, system_id=255, component_id=190)
+
+    def _command(self, number: int, *params: float) -> None:
+        """Send a command. Raises AssertionError if it is refused."""
+        self._send_as_station(COMMAND_LONG(1, 1, number, 0, *params, *(0.0,) * (7 - len(params))))
+        answers = [ack.result for ack in self.received_of(COMMAND_ACK) if ack.command == number]
+        if answers[-1:] != [0]:
+            self.advance(ms=50)
+            raise AssertionError(f"command {number} was refused (result {answers[-1:]}){self._last_texts()}")
+
+    def _wait(self, is_done: Callable[[], bool], within_s: float, what: str) -> None:
+        """Let time go on until something is so. Raises AssertionError if it is not within a time."""
+        end_us = self.now_us + round(1e6 * within_s)
+        while not is_done():
+            if self.now_us >= end_us:
+                where = ", ".join(f"{part:.2f}" for part in self.truth.pos_ned)
+                mode = self.vehicle.copter.modes.current.name
+                raise AssertionError(
+                    f"{what} was not reached in {within_s} s: the vehicle is in {mode}, really at {where} m (NED)"
+                    f"{self._last_texts()}"
+                )
+            self.advance(s=_STEP_S)
+
+    def _last_texts(self) -> str:
+        texts = [text.text for text in self.status_texts[-5:]]
+        return f"; the autopilot said last: {'; '.join(texts)}" if texts else "; the autopilot said nothing"
 
     # What is seen of it
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A flow sensor that OPTICAL_FLOW messages feed (AP_OpticalFlow/AP_OpticalFlow.cpp, AP_OpticalFlow_MAV.cpp)."""
 
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from ap_core.fmath import FLT_EPSILON, M_PI, cosf, f32, sinf
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.sinks import RecordSink
-from ap_core.vector3 import Vector3f
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.inputs.measurements import FlowMeasurement
 from mav_handlers.wire.messages import OPTICAL_FLOW
 from viso.firmware.log_releases import OF
@@ -45,23 +45,13 @@ Rates = tuple[np.float32, np.float32]
 """About the body's x and y axis, rad/s."""
 
 
-class FlowUser(Protocol):
-    """What the flow is for."""
-
-    def get_gyro(self) -> Vector3f:
-        """Return the body rates in rad/s."""
-
-    def write_flow(self, measured: FlowMeasurement, time_ms: int) -> None:
-        """Take what was measured at a time since boot."""
-
-
 class MavlinkFlow:
     """The flow sensor, if FLOW_TYPE was 5 at boot: averages flow between two updates, hands it over and logs it.
 
     ``newest`` is what was measured last; nothing has a quality of 0.
     """
 
-    def __init__(self, clock: Clock, params: ParamTable, ahrs: FlowUser, logger: RecordSink) -> None:
+    def __init__(self, clock: Clock, params: ParamTable, ahrs: AhrsBase, logger: RecordSink) -> None:
         self._clock = clock
         self._params = params
         self._ahrs = ahrs

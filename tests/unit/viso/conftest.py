@@ -322,7 +322,7 @@ class CopterRig:
                 log_transfer=self,
             ),
         )
-        self.copter = Copter(self.vehicle)
+        self.copter = self.vehicle.copter = Copter(self.vehicle)
         self.copter.has_booted = True
         self.copter.disarm_when_idle()
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The vehicle's pose and fix, and aircraft, from a DataFlash log (.BIN).
 
-Who opens the log is for the caller to say, as DataFlash logs are read in one place.
-
 Poses are the XKF1 records of the core that the autopilot flew with (PI of XKF4), and only while that core says that it
 knows its position (SS of XKF4): one record has position and attitude of the same instant, and the position is in m
 from the EKF's origin, as LOCAL_POSITION_NED's is. ATT has no position; POS has one on the globe, rounded to 1 cm, and
@@ -14,14 +12,15 @@ altitude is above is not logged, it counts as pressure altitude.
 import math
 import statistics
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from mav_handlers.wire.messages import ADSB_VEHICLE
 from viso.landmarks.adsb_vehicle import AdsbFlags, AltitudeType, from_message
 from viso.landmarks.inputs.base import InputFileError, Refused, counted, ned_R_frd, not_null_island, pose_from_ned
 from viso.landmarks.types import Event, GeodeticPoint, GlobalFix
+from viso.logs.recorded import read_columns, records_in
 
 GPS_EPOCH_S: Final = 315_964_800
 WEEK_S: Final = 604_800
@@ -34,18 +33,6 @@ _AIRCRAFT_FLAGS: Final = AdsbFlags.COORDS | AdsbFlags.ALTITUDE | AdsbFlags.HEADI
 _KINDS: Final = ("XKF4", "XKF1", "POS", "GPS", "ADSB")
 
 
-class Log(Protocol):
-    """An open log, as pymavlink has it."""
-
-    def recv_match(self, *, type: list[str]) -> Any:
-        """Return the next record of these types, its fields as attributes, or None at the end."""
-        ...
-
-
-ReadLog = Callable[[Path, Callable[[Log], list[Event]]], list[Event]]
-"""Opens a log and returns what a function makes of it; raises an error of its own if that cannot be done."""
-
-
 class DataFlashFile:
     """A log; its events are held in memory, their times are seconds since the autopilot's boot.
 
@@ -53,9 +40,8 @@ class DataFlashFile:
         utc_minus_boot_s: what makes these times UTC, by the GPS; None before the events, or if it had no fix.
     """
 
-    def __init__(self, path: Path, read_log: ReadLog) -> None:
+    def __init__(self, path: Path) -> None:
         self._path = path
-        self._read_log = read_log
         self.refused: Counter[str] = Counter()
         self.utc_minus_boot_s: float | None = None
         self._core = 0
@@ -65,21 +51,17 @@ class DataFlashFile:
     def events(self) -> Iterator[Event]:
         """Yield what the log tells.
 
-        Raises InputFileError if it holds no poses of an EKF3, and what the function that opens logs raises.
+        Raises InputFileError if it holds no poses of an EKF3, and InputError if it cannot be read.
         """
-        events = self._read_log(self._path, self._all)
+        events: list[Event] = []
+        for record in records_in(read_columns(self._path), _KINDS):
+            with counted(self.refused):
+                events += self._of_record(record)
         if self._offsets_s:
             self.utc_minus_boot_s = statistics.median(self._offsets_s)
         if not self._has_position:
             raise InputFileError(f"{self._path}: holds no XKF1 and XKF4 records to take poses from")
         yield from events
-
-    def _all(self, log: Log) -> list[Event]:
-        events: list[Event] = []
-        while (record := log.recv_match(type=list(_KINDS))) is not None:
-            with counted(self.refused):
-                events += self._of_record(record)
-        return events
 
     def _of_record(self, record: Any) -> list[Event]:
         kind, t_s = record.get_type(), record.TimeUS * 1e-6

@@ -10,7 +10,7 @@ from typing import Any, Final
 from viso.documents import parsed_json
 from viso.landmarks.inputs.bags import BagFile
 from viso.landmarks.inputs.base import FileReader, InputFileError, LineReader
-from viso.landmarks.inputs.dataflash import DataFlashFile, ReadLog
+from viso.landmarks.inputs.dataflash import DataFlashFile
 from viso.landmarks.inputs.dump1090 import Dump1090Folder, Dump1090Reader
 from viso.landmarks.inputs.json_lines import JsonReader
 from viso.landmarks.inputs.lines import TextFile, file_lines
@@ -33,12 +33,10 @@ class InputOptions:
     """What a file does not tell itself.
 
     Attributes:
-        read_log: opens DataFlash logs.
         odometry_is_ned: whether a bag's odometry is in NED.
         utc_offset_s: how far the times of BaseStation lines are ahead of UTC.
     """
 
-    read_log: ReadLog
     odometry_is_ned: bool = False
     utc_offset_s: float = 0.0
 
@@ -52,7 +50,7 @@ def open_file(path: Path, options: InputOptions) -> FileReader:
     if name.endswith((".tlog", ".tlog.gz")):
         return TlogFile(path)
     if name.endswith((".bin", ".bin.xz")):
-        return DataFlashFile(path, options.read_log)
+        return DataFlashFile(path)
     if name.endswith(_BAGS) or (path.is_dir() and any(path.glob("metadata.yaml"))):
         return BagFile(path, odometry_is_ned=options.odometry_is_ned)
     if path.is_dir():

@@ -7,13 +7,12 @@ healthy, and none is asked for when yaw comes from elsewhere.
 """
 
 import math
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from ap_core.fmath import f32, norm3
 from ekf_stub.inputs.measurements import GpsSample
-from viso.vehicle.copter.arming import ANY_CHECK, Arming, Check, CheckLists
-from viso.vehicle.copter.estimates import Estimates
-from viso.vehicle.copter.modes import FlightModes, Mode, ModeNumber
+from viso.vehicle.copter.arming import ANY_CHECK, Check, CheckLists
+from viso.vehicle.copter.modes import Mode, ModeNumber
 
 if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle
@@ -31,28 +30,14 @@ LEAN_LIMIT_DEG: Final = 30.0
 """ANGLE_MAX's default."""
 
 
-class CheckedCopter(Protocol):
-    """The copter as the checks see it."""
-
-    estimates: Estimates
-    modes: FlightModes
-    arming: Arming
-    safety_on: bool
-    has_booted: bool
-
-    def has_home(self) -> bool:
-        """Return whether home is set."""
-
-
 class ArmingChecks:
     """Each method looks at one thing and returns what is wrong with it, or None."""
 
-    def __init__(self, vehicle: "Vehicle", copter: CheckedCopter) -> None:
+    def __init__(self, vehicle: "Vehicle") -> None:
         self._vehicle = vehicle
-        self._copter = copter
 
     def _mode(self) -> Mode:
-        return self._copter.modes.current
+        return self._vehicle.copter.modes.current
 
     def lists(self) -> CheckLists:
         """Return all checks in the firmware's order."""
@@ -81,23 +66,23 @@ class ArmingChecks:
 
     def system_initialised(self) -> str | None:
         """Booting is over."""
-        return None if self._copter.has_booted else "System not initialised"
+        return None if self._vehicle.copter.has_booted else "System not initialised"
 
     def altitude(self) -> str | None:
         """A mode that holds height needs to know it (alt_checks)."""
-        return None if self._mode().manual_throttle or self._copter.estimates.alt_ok() else "Need Alt Estimate"
+        return None if self._mode().manual_throttle or self._vehicle.copter.estimates.alt_ok() else "Need Alt Estimate"
 
     def hardware_safety_switch(self) -> str | None:
         """The safety switch lets motors run (hardware_safety_check)."""
-        return "Hardware safety switch" if self._copter.safety_on else None
+        return "Hardware safety switch" if self._vehicle.copter.safety_on else None
 
     def attitude(self) -> str | None:
         """The estimator has an attitude (ins_checks)."""
-        return None if self._copter.estimates.attitude_ok() else "EKF attitude is bad"
+        return None if self._vehicle.copter.estimates.attitude_ok() else "EKF attitude is bad"
 
     def gps(self) -> str | None:
         """What is mandatory, between what a mode with a position needs of GPS and home (gps_checks)."""
-        if not (self._mode().requires_position and self._copter.arming.is_enabled(CHECK_GPS)):
+        if not (self._mode().requires_position and self._vehicle.copter.arming.is_enabled(CHECK_GPS)):
             return self.position()
         solution = self._vehicle.source.gps() or self._vehicle.gps.sample()
         return self._gps_failure(solution) or self.position() or self._dilution_failure(solution)
@@ -108,7 +93,7 @@ class ArmingChecks:
             return "GPS 1: Bad fix"
         if solution is not None and not solution.is_healthy:
             return "GPS 1: not healthy"
-        if not self._copter.has_home():
+        if not self._vehicle.copter.has_home():
             return "AHRS: waiting for home"
         place = self._vehicle.ahrs.get_location()
         if solution is None or place is None:
@@ -130,7 +115,7 @@ class ArmingChecks:
         return self._position_failure() if needs_position else None
 
     def _position_failure(self) -> str | None:
-        estimates = self._copter.estimates
+        estimates = self._vehicle.copter.estimates
         if not estimates.position_ok():
             return "Need Position Estimate"
         if estimates.is_gps_glitching():
@@ -181,11 +166,11 @@ class ArmingChecks:
 
     def safety_switch(self) -> str | None:
         """The safety switch lets motors run."""
-        return "Safety Switch" if self._copter.safety_on else None
+        return "Safety Switch" if self._vehicle.copter.safety_on else None
 
     def logging_started(self) -> str | None:
         """The log of the flight can be opened; opening it comes last (AP_Arming::arm_checks)."""
         logger = self._vehicle.logger
         logger.update(True, self._vehicle.params)
         failed = not logger.is_open and logger.failure is not None
-        return "Logging not started" if failed and self._copter.arming.is_enabled(CHECK_LOGGING) else None
+        return "Logging not started" if failed and self._vehicle.copter.arming.is_enabled(CHECK_LOGGING) else None

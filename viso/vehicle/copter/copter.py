@@ -63,7 +63,7 @@ class Copter:
         self.modes = FlightModes(vehicle, self.estimates, self.home, self.is_armed)
         self._motors = Motors(vehicle)
         self.landing = Landing(vehicle, self.modes, self._motors)
-        checks = ArmingChecks(vehicle, self).lists()
+        checks = ArmingChecks(vehicle).lists()
         group = vehicle.params.group("ARMING_")
         self.arming = Arming(checks, group, vehicle.texts, vehicle.log, vehicle.clock, vehicle.firmware.params)
         self.disarmed_us: int | None = None

@@ -25,9 +25,8 @@ from viso.landmarks import live as landmarks_live
 from viso.landmarks.inputs.files import InputOptions
 from viso.landmarks.live import Live, standard_lines
 from viso.landmarks.types import AircraftReport, Detections, Event, GlobalFix, LandmarkMap, VehiclePose
-from viso.logs.recorded import read_log
 
-OPTIONS = InputOptions(read_log)
+OPTIONS = InputOptions()
 NOW_S = 1_760_000_000.0
 SBS = "MSG,3,1,1,{},1,,,,,,4000,,,47.42,8.58,,,0,0,0,0"
 

@@ -312,7 +312,7 @@ class Beside:
 
 
 def test_pacer_gets_up_for_who_is_beside_the_links(clock: WallClock) -> None:
-    beside = Beside()
+    beside: Any = Beside()
     pacer = Pacer(PoweredVehicle(VehicleConfig(), [Port("link")]), [make_pair()[0]], beside=[beside], now_s=clock)
     pacer.run(lambda: False, until_us=100_000)
     assert beside.times_us == pytest.approx([7_000 * number for number in range(1, 15)], abs=2)

@@ -3,7 +3,7 @@
 """The flow sensor: averages between updates, rates, log records and health."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from ap_core.log_structure import LogStructure
 from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.inputs.measurements import FlowMeasurement
 from mav_handlers.wire.messages import OPTICAL_FLOW
 from viso.firmware.log_releases import OF
@@ -40,15 +41,15 @@ class Rig:
         self.gyro = Vector3f()
         self.records: list[dict[str, Any]] = []
         self.measured: list[tuple[FlowMeasurement, int]] = []
-        self.flow = MavlinkFlow(self.clock, self.params, self, self)
+        self.flow = MavlinkFlow(self.clock, self.params, cast(AhrsBase, self), self)
         self.clock.set_us(3_000_000)
 
     def get_gyro(self) -> Vector3f:
-        """Return the body rates (FlowUser)."""
+        """Return the body rates (AhrsBase)."""
         return self.gyro
 
     def write_flow(self, measured: FlowMeasurement, time_ms: int) -> None:
-        """Remember what is handed over (FlowUser)."""
+        """Remember what is handed over (AhrsBase)."""
         self.measured.append((measured, time_ms))
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:

@@ -18,7 +18,6 @@ from viso.errors import InputError
 from viso.landmarks.inputs.base import InputFileError
 from viso.landmarks.inputs.dataflash import DataFlashFile
 from viso.landmarks.types import AircraftReport, Event, GeodeticPoint, GlobalFix, VehiclePose
-from viso.logs.recorded import read_log
 
 LOGS = DATA / "logs"
 KNOWN = 1 << 3 | 1 << 5
@@ -57,7 +56,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def read(path: Path) -> tuple[list[Event], DataFlashFile]:
-    file = DataFlashFile(path, read_log)
+    file = DataFlashFile(path)
     return list(file.events()), file
 
 
@@ -117,7 +116,7 @@ def test_aircraft_have_the_units_of_their_message(path: Path) -> None:
 def test_gps_tells_how_far_the_clock_is_from_utc(path: Path) -> None:
     # Week 2375 began on 2025-07-13 00:00:00 of GPS, 18 s before midnight UTC.
     week = [("GPS", (2_000_000 + 200_000 * i, 3, 86_400_000 + 200 * i, 2375)) for i in range(5)]
-    file = DataFlashFile(write(path, status(0), ("GPS", (1_000_000, 1, 0, 0)), *week), read_log)
+    file = DataFlashFile(write(path, status(0), ("GPS", (1_000_000, 1, 0, 0)), *week))
     assert file.utc_minus_boot_s is None
     assert list(file.events()) == []
     assert file.utc_minus_boot_s == pytest.approx(1_752_451_200 - 18 - 2)
@@ -125,7 +124,7 @@ def test_gps_tells_how_far_the_clock_is_from_utc(path: Path) -> None:
 
 def complaint(path: Path) -> str:
     with pytest.raises(InputFileError) as raised:
-        list(DataFlashFile(path, read_log).events())
+        list(DataFlashFile(path).events())
     assert len(str(raised.value).splitlines()) == 1
     return str(raised.value)
 

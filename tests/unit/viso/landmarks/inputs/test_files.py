@@ -16,11 +16,10 @@ from viso.landmarks.inputs.json_lines import JsonReader
 from viso.landmarks.inputs.sbs1 import Sbs1Reader
 from viso.landmarks.inputs.vehicle import TlogFile
 from viso.landmarks.types import AircraftReport, Event, LandmarkMap
-from viso.logs.recorded import read_log
 
 SBS1 = "MSG,3,1,1,3C6DD1,1,2025/07/14,12:00:00.000,2025/07/14,12:00:00.000,,5000,,,47.4,8.5,,,,,,0"
 SNAPSHOT = {"now": 50.0, "aircraft": [{"hex": "3c6dd1", "lat": 47.4, "lon": 8.5}]}
-OPTIONS = InputOptions(read_log)
+OPTIONS = InputOptions()
 LANDMARKS = {"landmarks": [{"id": 0, "x": 1, "y": 2}]}
 
 
@@ -75,7 +74,7 @@ def test_lines_of_json_may_be_of_different_kinds(tmp_path: Path) -> None:
 def test_lines_of_basestation_are_known_even_behind_a_piece_of_one(tmp_path: Path) -> None:
     path = tmp_path / "port30003.txt"
     path.write_text(f"{SBS1[40:]}\n{SBS1}\n")
-    file = open_file(path, InputOptions(read_log, utc_offset_s=3600.0))
+    file = open_file(path, InputOptions(utc_offset_s=3600.0))
     [event] = file.events()
     utc = events_of(tmp_path / "utc.txt", SBS1)[0]
     assert isinstance(event, AircraftReport)

@@ -46,7 +46,7 @@ class Flyer:
         self.airframe = source.airframe
         self.rig = rig
         rig.vehicle.source = source
-        rig.copter = Copter(rig.vehicle)
+        rig.copter = rig.vehicle.copter = Copter(rig.vehicle)
         self.copter = rig.copter
         self.off_ned = (0.0, 0.0, 0.0)
         self.off_yaw_rad = 0.0
