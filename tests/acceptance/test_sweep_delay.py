@@ -12,7 +12,7 @@ from tests.unit.viso.sweep.late_camera import late_camera
 from viso.sweep.best import Best
 from viso.sweep.job import run_point
 from viso.sweep.planning import make_plan
-from viso.sweep.request import Wishes
+from viso.sweep.request import SweepRequest
 from viso.sweep.result_tables import age_ms, found
 from viso.sweep.store import table_rows
 
@@ -24,9 +24,9 @@ STEP_MS = 12.5
 """Of the filter: it cannot tell delays apart by much less than half of it."""
 
 
-def best_delay(**wishes: Any) -> Best:
+def best_delay(**options: Any) -> Best:
     """Return the point of a sweep at which innovations are least."""
-    plan = make_plan(Wishes(baud=0, **wishes))
+    plan = make_plan(SweepRequest(baud=0, **options))
     rows = table_rows(plan, {point.number: run_point(plan, point).row or {} for point in plan.points()})
     (best,) = found(plan, rows, "nis")
     return best

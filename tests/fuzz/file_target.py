@@ -22,7 +22,7 @@ from viso.logs.recorded import read_recorded_states
 from viso.parameters.store import ParamStore
 from viso.parameters.table import make_groups
 from viso.streams.stream_kinds import Stream, read_stream
-from viso.sweep.request import read_wishes
+from viso.sweep.request import read_request
 from viso.terminal.settings import load_parm_file, parse_assignment
 from viso.vehicle.sensors.script.script import read_script_source
 
@@ -162,7 +162,7 @@ READERS: tuple[Callable[[bytes, Path], None], ...] = (
     read_packed_capture,
     read_last_number,
     read_log,
-    _written_as("sweep.toml", read_wishes),
+    _written_as("sweep.toml", read_request),
     _written_as("vio.toml", load_config),
     _written_as("camera.toml", load_calibration),
     _written_as("sensor.yaml", load_calibration),

@@ -262,7 +262,7 @@ def serve(
         counted = message_counts, powered.filter_counts
         period_us = int(REFRESH_US * speedup)
         shown = stack.enter_context(LiveCounts(console, *counted, period_us=period_us, wanted=live and console is out))
-        _tell_of_links(links, [report.tell_link, *(feed.take_news for feed in feeds)])
+        _tell_of_links(links, [report.print_link_news, *(feed.take_news for feed in feeds)])
 
         def is_over() -> bool:
             shown.update(powered.vehicle.clock.micros64())

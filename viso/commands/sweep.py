@@ -22,7 +22,7 @@ from viso.sweep.job import Result, run_point
 from viso.sweep.plan import FOLLOW, SAMPLINGS, Point, SweepPlan
 from viso.sweep.planning import make_plan
 from viso.sweep.processes import default_jobs, run_in_processes
-from viso.sweep.request import NO_FAULTS, Wishes, read_wishes
+from viso.sweep.request import NO_FAULTS, SweepRequest, read_request
 from viso.sweep.result_tables import best_as_dict, best_lines, found, result_table, swept_axis
 from viso.sweep.store import PLOT, SweepFolder, check_tables, table_rows
 from viso.terminal.ahrs import HeadingOption, ImuErrorOption
@@ -160,7 +160,7 @@ def sweep(
     }
     if output is not None:
         check_tables()
-    plan = make_plan(_wishes(streams, given))
+    plan = make_plan(_request_of(streams, given))
     _note(plan)
     rows, failures = _worked_out(plan, output, jobs or default_jobs(), scheduler)
     if failures and not rows:
@@ -176,12 +176,12 @@ def sweep(
         raise typer.Exit(_FINDINGS)
 
 
-def _wishes(streams: list[Path], given: dict[str, Any]) -> Wishes:
+def _request_of(streams: list[Path], given: dict[str, Any]) -> SweepRequest:
     if any(path.suffix.lower() == ".toml" for path in streams):
         if len(streams) > 1:
             raise InputError(f"{len(streams)} files: a TOML file says it all, the streams as well")
-        return Wishes(**given).over(read_wishes(streams[0]))
-    return Wishes(streams=streams, **given)
+        return SweepRequest(**given).over(read_request(streams[0]))
+    return SweepRequest(streams=streams, **given)
 
 
 def _note(plan: SweepPlan) -> None:

@@ -25,7 +25,7 @@ from viso.vehicle.vehicle import Vehicle
 _MAV_SEVERITY_INFO: Final = 6
 
 
-def _tell(vehicle: Vehicle, text: str) -> None:
+def _send_text(vehicle: Vehicle, text: str) -> None:
     vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"DDS: Request for {text}")
 
 
@@ -34,16 +34,16 @@ def _result(worked: bool) -> str:
 
 
 def _arm(vehicle: Vehicle, request: ros.ArmMotorsRequest) -> ros.ArmMotorsResponse:
-    _tell(vehicle, f"{'arm' if request.arm else 'disarm'}ing received")
+    _send_text(vehicle, f"{'arm' if request.arm else 'disarm'}ing received")
     copter = vehicle.copter
     worked = copter.arm(True, ArmMethod.DDS) if request.arm else copter.disarm(False, ArmMethod.DDS)
-    _tell(vehicle, f"Arming/Disarming : {_result(worked)}")
+    _send_text(vehicle, f"Arming/Disarming : {_result(worked)}")
     return ros.ArmMotorsResponse(request.id, worked)
 
 
 def _switch_mode(vehicle: Vehicle, request: ros.ModeSwitchRequest) -> ros.ModeSwitchResponse:
     worked = vehicle.copter.set_mode(request.mode, ModeReason.DDS_COMMAND)
-    _tell(vehicle, f"Mode Switch : {_result(worked)}")
+    _send_text(vehicle, f"Mode Switch : {_result(worked)}")
     return ros.ModeSwitchResponse(request.id, worked, vehicle.copter.custom_mode())
 
 
@@ -88,11 +88,11 @@ def transform_of(message: TransformStamped) -> Transform:
 
 
 class DdsAutopilot:
-    """Reads /ap/tf and requests, and writes what the autopilot tells, in real time; ``domain`` is ROS_DOMAIN_ID.
+    """Reads /ap/tf and requests, and writes the topics of the autopilot, in real time; ``domain`` is ROS_DOMAIN_ID.
 
     Attributes:
-        name: what it is called among the links.
-        listeners: told, with that name, of each transform and each request, and its outcome.
+        name: its name among the links.
+        listeners: called with that name and the outcome of each transform and each request.
         counts: how often each kind met each verdict.
     """
 
@@ -114,16 +114,16 @@ class DdsAutopilot:
 
     @property
     def readers(self) -> Sequence[Reader[Any]]:
-        """What is to be waited for."""
+        """The readers that a loop waits for."""
         return self._transforms, *(requests for _, requests, _ in self._services)
 
     def due_us(self) -> int:
-        """Return when something is to be written next, us since boot."""
+        """Return when a topic is due next, us since boot."""
         dues = (last + topic.delay_ms + 1 for last, (topic, _) in zip(self._last_ms, self._topics, strict=True))
         return min(dues) * 1000
 
     def exchange(self, vehicle: Vehicle) -> None:
-        """Hand what has come to the vehicle, and write what is due; the vehicle's clock tells the time."""
+        """Pass what has come to the vehicle, and write the topics that are due by the clock of the vehicle."""
         if vehicle is not self._vehicle:
             self._begin(vehicle)
         self._take(vehicle)

@@ -62,7 +62,7 @@ SENSOR_DATA: Final = Qos(reliable=False, lasting=False, depth=5)
 DEFAULT: Final = Qos(reliable=True, lasting=False, depth=10)
 """As ROS 2's for topics; a writer with it meets every reader but lasting ones."""
 LATCHED: Final = Qos(reliable=True, lasting=True, depth=1)
-"""For what is said once, such as /tf_static."""
+"""For what is sent once, such as /tf_static."""
 
 
 def require_cyclonedds(asker: str) -> None:
@@ -257,7 +257,7 @@ class Participant:
         """Leave the graph; readers and writers end with it, and are not to be used any more."""
         for entity in self._entities:
             entity.set_listener(None)
-        while self._entities:  # others may hold references, so each is told to end
+        while self._entities:  # others may hold references, so each is closed
             self._entities.pop().__del__()
         while self._descriptors:
             os.close(self._descriptors.pop())

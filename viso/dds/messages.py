@@ -29,7 +29,7 @@ class Time(IdlStruct, typename=_name("builtin_interfaces", "Time")):
 
 @dataclass
 class Header(IdlStruct, typename=_name("std_msgs", "Header")):
-    """When something was, and in which frame it is told."""
+    """The time of a message, and the frame in which it is given."""
 
     stamp: Time = field(default_factory=Time)
     frame_id: str = ""

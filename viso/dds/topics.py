@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the autopilot tells on topics of ROS 2, how often, and in which frames.
 
-A message lives as long as its topic: what is unknown at the moment stays as it was told last.
+A message lives as long as its topic: what is unknown at the moment keeps its last value.
 Source: AP_DDS/AP_DDS_Topic_Table.h, AP_DDS/AP_DDS_config.h and AP_DDS/AP_DDS_Client.cpp, update_topic.
 """
 
@@ -26,7 +26,7 @@ FS_EKF: Final = 24
 _TIMES: Final = Qos(reliable=True, lasting=False, depth=20)
 _HALF_ROOT_2: Final = sqrtf(f32(2)) * f32(0.5)
 _QUARTER_TURN: Final = Quaternion(_HALF_ROOT_2, 0, 0, _HALF_ROOT_2)
-# FIRMWARE PARITY: literals are float32, so a place on earth is told to some decimetres.
+# FIRMWARE PARITY: literals are float32, so a place on earth is given to some decimetres.
 _1E_7: Final = f32(1e-7)
 _CENTI: Final = f32(0.01)
 
@@ -66,8 +66,8 @@ def _put_place(target: ros.GeoPoint, place: Location | None) -> None:
 
 
 def _time(vehicle: Vehicle, message: ros.Time) -> bool:
-    told = now(vehicle)
-    message.sec, message.nanosec = told.sec, told.nanosec
+    time = now(vehicle)
+    message.sec, message.nanosec = time.sec, time.nanosec
     return True
 
 
@@ -128,7 +128,7 @@ def _origin(vehicle: Vehicle, message: ros.GeoPointStamped) -> bool:
 def _status(vehicle: Vehicle, message: ros.Status) -> bool:
     """Return what has changed, and in some releases now and then what has not."""
     copter, last = vehicle.copter, message.header.stamp
-    told = (
+    values = (
         APM_ARDUCOPTER,
         copter.is_armed(),
         copter.custom_mode(),
@@ -139,11 +139,11 @@ def _status(vehicle: Vehicle, message: ros.Status) -> bool:
     before = message.vehicle_type, message.armed, message.mode, message.flying, message.external_control
     stamp, again_ms = now(vehicle), vehicle.firmware.dds.status_again_ms
     since_ms = (stamp.sec - last.sec) * 1000 + (stamp.nanosec - last.nanosec) // 1_000_000
-    is_new = told[:5] != before or len(told[5]) != len(message.failsafe)
+    is_new = values[:5] != before or len(values[5]) != len(message.failsafe)
     if not is_new and (again_ms is None or since_ms <= again_ms):
         return False
-    message.vehicle_type, message.armed, message.mode, message.flying, message.external_control = told[:5]
-    message.failsafe = told[5]
+    message.vehicle_type, message.armed, message.mode, message.flying, message.external_control = values[:5]
+    message.failsafe = values[5]
     message.header.stamp = stamp
     return True
 

@@ -121,12 +121,12 @@ class VehicleLoop(ABC):
             self.now_us += LOOP_PERIOD_US
 
     def play(self, script: Script, end_s: float, on_progress: OnProgress, stop: Callable[[], bool]) -> None:
-        """Do what a script says up to the end, or until told to stop, and close.
+        """Run a script up to the end, or until ``stop`` says so, and close.
 
         Args:
             script: what to do after which time in s since boot.
             end_s: when to end, in s since boot.
-            on_progress: told the time in s since boot, once a second.
+            on_progress: called with the time in s since boot, once a second.
             stop: asked as often.
         """
         try:

@@ -69,7 +69,7 @@ def _mark(axes: Any, story: _Story) -> list[Any]:
 
 
 def _broken(errors: PoseErrors, values: Any) -> tuple[Any, Any]:
-    """Return times and values with a gap where nothing was said."""
+    """Return times and values with a gap where there are none."""
     gaps = np.flatnonzero(np.diff(errors.t_s) > _GAP_S) + 1
     return np.insert(errors.t_s, gaps, np.nan), np.insert(np.asarray(values, float), gaps, np.nan, axis=0)
 

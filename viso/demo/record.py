@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What happens in a closed loop: what was said, sent, known and estimated, and when."""
+"""The record of a closed loop: texts, messages, estimates and outcomes, with their times."""
 
 import logging
 import math
@@ -27,8 +27,8 @@ _SEVERITIES: Final = {logging.ERROR: 3, logging.WARNING: 4, logging.INFO: 6}
 Three = tuple[float, float, float]
 
 
-class Said(NamedTuple):
-    """A text, by whom, and how severe it is (MAV_SEVERITY); us since the autopilot's boot."""
+class LoopText(NamedTuple):
+    """A text, who sent it, and its severity (MAV_SEVERITY); us since the autopilot's boot."""
 
     time_us: int
     who: str
@@ -37,14 +37,14 @@ class Said(NamedTuple):
 
 
 class Health(NamedTuple):
-    """How the odometry was after a frame; us since the autopilot's boot."""
+    """The state of the odometry after a frame; us since the autopilot's boot."""
 
     time_us: int
     state: VioState
 
 
 class StateSpan(NamedTuple):
-    """How the odometry was from a time in us since the autopilot's boot on, to another."""
+    """The state of the odometry over a span of time, us since the autopilot's boot."""
 
     start_us: int
     end_us: int
@@ -52,7 +52,7 @@ class StateSpan(NamedTuple):
 
 
 class Arrived(NamedTuple):
-    """An ODOMETRY message that has reached the autopilot, and whether it was handed to the filter."""
+    """An ODOMETRY message that reached the autopilot, and whether the filter got it."""
 
     time_us: int
     message: ODOMETRY
@@ -60,7 +60,7 @@ class Arrived(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What the autopilot believed.
+    """The estimate of the autopilot.
 
     ``pos_ned`` (m) is None while it does not navigate, ``quat_wxyz`` before it has an attitude. ``sigmas_m`` of the
     position, and ``moved_ne`` (m), by how much its last reset has moved it, are None before the filter runs.
@@ -84,17 +84,17 @@ class Estimate(NamedTuple):
 
 @dataclass
 class LoopRecord:
-    """All that has happened, each list in the order of time."""
+    """All events of a loop, each list in the order of time."""
 
-    said: list[Said] = field(default_factory=list)
+    all_texts: list[LoopText] = field(default_factory=list)
     health: list[Health] = field(default_factory=list)
     arrived: list[Arrived] = field(default_factory=list)
     estimates: list[Estimate] = field(default_factory=list)
     fates: list[SampleTest] = field(default_factory=list)
 
     def texts(self, who: str) -> list[str]:
-        """Return what one of the two has said."""
-        return [said.text for said in self.said if said.who == who]
+        """Return the texts of the autopilot or of the companion."""
+        return [text.text for text in self.all_texts if text.who == who]
 
     def states(self, start_us: int, end_us: int) -> list[StateSpan]:
         """Return how the odometry has been, from when it came up to a time."""
@@ -122,7 +122,7 @@ class LoopRecorder(logging.Handler):
         watch.listeners.append(self._take_fate)
 
     def look(self) -> None:
-        """Note what the autopilot believes at the moment."""
+        """Note the present estimate of the autopilot."""
         ahrs = self._vehicle.ahrs
         position, attitude = ahrs.get_relative_position_NED_origin_float(), ahrs.get_quaternion()
         status = ahrs.get_filter_status()
@@ -142,7 +142,7 @@ class LoopRecorder(logging.Handler):
         )
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Note what the companion logs, but for what it repeats every second as long as it is degraded."""
+        """Note what the companion logs, except for what it repeats every second while it is degraded."""
         if getattr(record, "event", None) == DEGRADED_EVENT:
             return
         self._note(COMPANION, _SEVERITIES.get(record.levelno, 6), record.getMessage())
@@ -164,7 +164,7 @@ class LoopRecorder(logging.Handler):
         return self._vehicle.clock.micros64()
 
     def _note(self, who: str, severity: int, text: str) -> None:
-        self.record.said.append(Said(self._now_us(), who, severity, text))
+        self.record.all_texts.append(LoopText(self._now_us(), who, severity, text))
 
     def _take_event(self, event: MessageEvent) -> None:
         if isinstance(event.message, ODOMETRY):

@@ -157,7 +157,7 @@ class Demo(VehicleLoop):
         on_progress: Callable[[float], None] = lambda _time_s: None,
         stop: Callable[[], bool] = lambda: False,
     ) -> DemoResult:
-        """Run to the end, or until told to stop, and close the log."""
+        """Run to the end, or until ``stop`` says so, and close the log."""
         command = self.companion.command
         acts: dict[float, Callable[[], None]] = {
             7.0: lambda: command(RUN_PREARM_CHECKS),

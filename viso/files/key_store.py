@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The signing key in a file that nobody else can read; its contents are never told or logged."""
+"""The signing key in a file that nobody else can read; its contents are never shown or logged."""
 
 import logging
 from pathlib import Path
@@ -60,9 +60,9 @@ class FileKeyStore:
         try:
             replace_file(self._path, data, mode=_OWNER_ONLY)
         except OSError as error:
-            told = self.failure is not None
+            was_reported = self.failure is not None
             self.failure = f"{self._path}: the signing key cannot be stored: {error.strerror or error}"
-            if not told:
+            if not was_reported:
                 _log.error("%s", self.failure)
             return False
         self._data = data

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The door through which files are written: nothing that was there is lost before what replaces it is whole.
+"""Writes files: nothing that was there is lost before what replaces it is complete.
 
 A file is written as a draft beside its place, and takes the place when it is complete; a crash at any instant leaves
 the old file or the new one, whole. What a command reads can never be replaced.
@@ -52,7 +52,7 @@ def refuse_input(path: Path, option: str = "") -> None:
 
 
 def check_place(path: Path) -> None:
-    """Raise InputError if a file could not be written, as far as can be told before there is something to write."""
+    """Raise InputError if a file cannot be written, as far as this is known before there is something to write."""
     with file_errors(path):
         status = _status(path)
         if status is None or stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode):

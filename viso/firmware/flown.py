@@ -40,7 +40,7 @@ class FlownVersion:
     def has_sources(self) -> bool:
         """Whether EK3_SRC1_* choose what EKF3 uses, and VISO_TYPE decides who takes messages: since 4.1.
 
-        Before, messages went to the estimators whatever VISO_TYPE said, and EKF2 alone used them.
+        Before, messages went to the estimators whatever VISO_TYPE was, and EKF2 alone used them.
         """
         return (self.major, self.minor) > _LAST_WITHOUT_SOURCES
 
@@ -91,12 +91,12 @@ def notes_on(flown: FlownVersion | None, firmware: Firmware) -> Iterator[str]:
     """Yield in what a recording's release may differ from the profile that stands for it, a sentence each."""
     if flown is None:
         return
-    told = f"the recording is of {flown.text}, and judged as {firmware.version_text} (--firmware {firmware.name})"
+    note = f"the recording is of {flown.text}, and judged as {firmware.version_text} (--firmware {firmware.name})"
     here, there = (firmware.major, firmware.minor), (flown.major, flown.minor)
     if there < here:
-        yield f"{told}: {'; '.join(_unknown_of(flown))}"
+        yield f"{note}: {'; '.join(_unknown_of(flown))}"
     elif there > here:
-        yield f"{told}: what changed since is not known here"
+        yield f"{note}: what changed since is not known here"
     if flown.vehicle and flown.vehicle != COPTER:
         yield (
             f"the vehicle is a {flown.vehicle}: AP_VisualOdom, EKF3 and what takes the messages are the same in all "

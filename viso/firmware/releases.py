@@ -31,7 +31,7 @@ class DdsRelease:
 
     Attributes:
         unknown_covariance: what stands first in the covariances of an IMU.
-        status_again_ms: a status that has not changed is told again after so long; None for never.
+        status_again_ms: after how long a status that has not changed is sent again; None for never.
     """
 
     unknown_covariance: float
@@ -60,7 +60,7 @@ class Firmware:
         params: which parameters there are.
         ekf: what EKF3 does.
         dds: what its interface to ROS 2 does.
-        variance_texts: what is told as the EKF's variances are over thresholds, and as its position is lost.
+        variance_texts: the texts for variances of the EKF over thresholds, and for a lost position.
     """
 
     name: str

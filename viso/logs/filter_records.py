@@ -108,8 +108,8 @@ def _of_primary_core(series: dict[str, Series]) -> tuple[dict[str, Series], tupl
         return series, (), 0.0
     first = min(logged)
     primary = np.nan_to_num(status["PI"], nan=first)
-    seen = np.isin(primary, list(logged))
-    chosen = np.where(seen, primary, first)
+    is_logged = np.isin(primary, list(logged))
+    chosen = np.where(is_logged, primary, first)
     kept = {}
     for kind, one in series.items():
         wanted = first if not len(status) else chosen[_latest(status.time_s, one.time_s)]
@@ -117,7 +117,7 @@ def _of_primary_core(series: dict[str, Series]) -> tuple[dict[str, Series], tupl
     shown = {int(core) for one in kept.values() for core in np.nan_to_num(one["C"])}
     of_first = cores == first
     steps_s = np.diff(status.time_s[of_first], append=status.time_s[of_first][-1:])
-    return kept, tuple(sorted(shown)), float(steps_s[~seen[of_first]].sum())
+    return kept, tuple(sorted(shown)), float(steps_s[~is_logged[of_first]].sum())
 
 
 def _latest(known_s: Any, at_s: Any) -> Any:

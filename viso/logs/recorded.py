@@ -42,7 +42,7 @@ def _read_bytes(path: Path) -> bytes:
 
 
 @contextmanager
-def _problems_told(path: Path) -> Iterator[None]:
+def _as_input_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
@@ -74,7 +74,7 @@ def read_log(path: Path, collect: "Callable[[DFReader_binary], T]") -> T:
     """Return what ``collect`` makes of a log (.BIN or .BIN.xz) without its damage. Raises InputError if it is none."""
     columns = read_columns(path)
     if columns.is_sound and path.suffix != ".xz":
-        with _problems_told(path):
+        with _as_input_errors(path):
             return _collect_by_dfreader(path, collect)
     # DFReader never returns from a log in which damage has made up a type without length.
     return read_kinds(path, columns, columns.types, collect)
@@ -82,7 +82,7 @@ def read_log(path: Path, collect: "Callable[[DFReader_binary], T]") -> T:
 
 def read_columns(path: Path) -> LogColumns:
     """Return a log (.BIN or .BIN.xz) as columns. Raises InputError if it cannot be read."""
-    with _problems_told(path):
+    with _as_input_errors(path):
         columns = LogColumns(_read_bytes(path))
     if problem := columns.ill_described.get(FMT.msg_type):
         raise InputError(f"{path}: not a DataFlash log: {problem}")
@@ -95,7 +95,7 @@ def read_kinds(path: Path, columns: LogColumns, kinds: Iterable[str], collect: "
     In most logs these are few: what is left is read many times faster. Damage is left out as well. ``collect`` is given
     a log of those, and of what DFReader follows on its own account. Raises InputError if the log cannot be read.
     """
-    with _problems_told(path):
+    with _as_input_errors(path):
         return _collect_from_bytes(columns.only((*kinds, *_FOLLOWED_BY_DFREADER)), collect)
 
 
@@ -144,7 +144,7 @@ def recorded_states(path: Path, log: LogColumns) -> RecordedStates:
     """Return attitude and position of a log that has been read; see ``read_recorded_states``."""
     if not log.counts.get("ATT"):
         raise InputError(f"{path}: holds no ATT records to take the attitude from")
-    with _problems_told(path):
+    with _as_input_errors(path):
         attitude = table_of(log, "ATT", ("TimeUS", "Roll", "Pitch", "Yaw"))
         position = valid_positions(log)
     return RecordedStates(attitude[:, 0], attitude[:, 1:], position[:, 0], position[:, 1:])
@@ -156,7 +156,7 @@ def table_of(log: LogColumns, kind: str, labels: Sequence[str]) -> Array:
 
 
 def valid_positions(log: LogColumns, core: int = 0) -> Array:
-    """Return time and position of the XKF1 records of a core before which its XKF4 said that it has one."""
+    """Return time and position of the XKF1 records of a core, as far as its XKF4 before it has a position."""
     if not (log.counts.get("XKF1") and log.counts.get("XKF4")):
         return np.zeros((0, 4))
     of_core, of_status = (_of_core(log, kind, core) for kind in ("XKF1", "XKF4"))

@@ -21,30 +21,30 @@ from viso.parameters.conversion import NO_RENAMES, Renames, carry_over
 
 
 class StoredParams(Protocol):
-    """Keeps parameters over a restart."""
+    """A place that keeps parameters over a restart."""
 
     def restore(self, params: ParamTable, renames: Renames = NO_RENAMES) -> None:
-        """Give a vehicle's parameters their stored values, also those that an earlier release stored."""
+        """Set a vehicle's parameters to their stored values, which an earlier release may have stored."""
 
     def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
-        """Keep what a restart has to remember, by name; say whether anything was new.
+        """Store the values of parameters by name; return whether any value was new.
 
-        ``synced``: over a restart of the computer as well, which takes longer.
+        ``synced``: so that they survive a restart of the computer, which takes longer.
         """
 
 
 class MemoryParamStore:
-    """Keeps parameters as long as it exists itself."""
+    """Keeps parameters in memory."""
 
     def __init__(self) -> None:
         self._values: dict[str, float] = {}
 
     def restore(self, params: ParamTable, renames: Renames = NO_RENAMES) -> None:
-        """Give a vehicle's parameters their stored values, also those that an earlier release stored."""
+        """Set a vehicle's parameters to their stored values, which an earlier release may have stored."""
         params.load_stored(carry_over(self._values, params, renames).values)
 
     def save_if_changed(self, values: Mapping[str, float], *, synced: bool = True) -> bool:
-        """Keep what a restart has to remember, by name; say whether anything was new."""
+        """Store the values of parameters by name; return whether any value was new."""
         changed = values != self._values
         self._values = dict(values)
         return changed
@@ -146,9 +146,9 @@ class ParamStore:
         return True
 
     def _fail(self, error: OSError) -> None:
-        told = self.failure is not None
+        was_reported = self.failure is not None
         self.failure = f"{self._path}: parameters cannot be stored: {error.strerror or error}"
-        if not told:
+        if not was_reported:
             _log.error("%s", self.failure)
 
     def _read(self) -> dict[str, tuple[float, int]]:

@@ -66,8 +66,8 @@ class Fields:
         """Return a text, one of some if they are given."""
         value = self._given.pop(name, default) if default is not None else self.take(name)
         if not isinstance(value, str) or (among and value not in among):
-            told = f"none of {', '.join(among)}" if among else "not a text"
-            raise InputError(f"{self.at(name)}: {value!r} is {told}")
+            expected = f"none of {', '.join(among)}" if among else "not a text"
+            raise InputError(f"{self.at(name)}: {value!r} is {expected}")
         return value
 
     def numbers(self, name: str, default: Sequence[float], most: int | None = None) -> tuple[float, ...]:

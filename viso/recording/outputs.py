@@ -37,7 +37,7 @@ FILES: Final[Mapping[str, str]] = {
 
 
 def version_of(recording: Recording) -> FlownVersion | None:
-    """Return which firmware was recorded, if it told."""
+    """Return which firmware was recorded, if it sent its version."""
     return None if recording.version is None else version_told(recording.version, recording.vehicle_type)
 
 

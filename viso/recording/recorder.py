@@ -135,7 +135,7 @@ class Recording:
 
 
 class Recorder:
-    """Plays a scenario to an autopilot, and keeps what comes of it; ``on_progress`` is told what is being done."""
+    """Plays a scenario to an autopilot, and keeps what comes of it; ``on_progress`` gets a text at each step."""
 
     def __init__(
         self,
@@ -194,7 +194,7 @@ class Recorder:
                 self._asked_ns.append(self._now_us * 1000)
                 self._put(self._station, TIMESYNC(0, self._asked_ns[-1]))
             if self._now_us - self._heard_us > NO_ANSWER_US and not self._may_be_silent:
-                self._may_be_silent = True  # it has been told
+                self._may_be_silent = True  # as was requested
                 self._interrupt(RecordingError(f"nothing heard for {NO_ANSWER_US / 1e6:g} s: the link is dead"))
             elif self._now_us >= self._wake_us:
                 self._resume()
@@ -419,7 +419,7 @@ class Recorder:
         if before.param_value == wanted and codec is None:
             return wanted
         self._set.setdefault(name, before.param_value)
-        told: float = before.param_value
+        reported: float = before.param_value
         for _ in range(_TRIES):
             message = PARAM_SET(*self._to, name, value, before.param_type)
             if codec is None:
@@ -428,13 +428,13 @@ class Recorder:
                 self._put_step(codec, message)
             answer = yield from self._answer_about(name)
             if isinstance(answer, PARAM_VALUE):
-                told = answer.param_value
-                if told == wanted:
-                    return told
+                reported = answer.param_value
+                if reported == wanted:
+                    return reported
                 break
             if isinstance(answer, PARAM_ERROR):
                 raise RecordingError(f"parameter {name}: {value:g} is refused (PARAM_ERROR {answer.error})")
-        raise RecordingError(f"parameter {name}: {value:g} is refused, it stays {told:g}")
+        raise RecordingError(f"parameter {name}: {value:g} is refused, it stays {reported:g}")
 
     def _read_parameter(self, name: str) -> Task[PARAM_VALUE | None]:
         for _ in range(_TRIES):

@@ -222,7 +222,7 @@ class Until:
     """Wait until something is so, all that is not None.
 
     Attributes:
-        text: that the autopilot has said since the last step that waited began, in part.
+        text: a part of a text of the autopilot since the last step that waited began.
         ekf: flags that EKF_STATUS_REPORT has.
         clock_s: that the autopilot's clock shows.
         armed: whether it is armed.

@@ -35,9 +35,9 @@ class Bridge:
     One sender is listened to. Where it falls silent and another speaks, as after a restart, the frame may be another:
     the reset counter counts up.
 
-    ``poses`` makes messages of those of the topic. ``on_text`` is told of each text of the autopilot, ``on_news`` what
-    is waited for, when poses begin to come, and when they do not. ``wall_ns`` is the clock by which poses are stamped,
-    since 1970, which may be set meanwhile; ``now_ns`` is a monotonic one.
+    ``poses`` makes messages of those of the topic. ``on_text`` gets each text of the autopilot, ``on_news`` a line
+    about what is waited for, when poses begin to come, and when they do not. ``wall_ns`` is the clock of the
+    stamps of poses, since 1970, which may be set meanwhile; ``now_ns`` is a monotonic one.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Bridge:
         return self._monotonic_ns() + self._epoch_ns
 
     def run(self, until_us: int | None = None) -> None:
-        """Work until told to stop, or for so long."""
+        """Run until ``stop`` says so, or for a time."""
         self._on_news(f"{self._topic.name}: waiting for poses")
         start_ns = self._quiet_ns = self._now_ns()
         while not self._stop() and (until_us is None or self._now_ns() - start_ns < until_us * 1000):
@@ -126,13 +126,13 @@ class Bridge:
             self._news = ""
         self._writer, self._heard_ns, self._quiet_ns = heard.writer, now_ns, now_ns
         self.heard += 1
-        told = self._poses.take(heard.message)
-        if told is None:
+        result = self._poses.take(heard.message)
+        if result is None:
             return
-        for message in told.messages:
+        for message in result.messages:
             self._sender.send(message)
         sent_ns = self._wall_ns()
-        self._ages_ns.append(sent_ns - told.time_ns)
+        self._ages_ns.append(sent_ns - result.time_ns)
         self._delays_ns.append(sent_ns - heard.written_ns)
 
     def sent(self) -> dict[str, int]:
@@ -173,6 +173,6 @@ def delay_lines(summary: Mapping[str, Any]) -> Iterator[str]:
             yield f"From {since} to sending: not known, as that is told by another clock than this machine's."
         else:
             yield f"From {since} to sending: {spread['median']:.1f} ms, 99 % within {spread['99 %']:.1f} ms."
-    # The autopilot goes by the least lag that it has seen, and takes the jitter above that off.
+    # The autopilot subtracts the jitter above the least lag so far.
     if 0 <= summary["age_ms"]["1 %"] < ANOTHER_CLOCK_MS:
         yield f"VISO_DELAY_MS {summary['age_ms']['1 %']:.0f} fits."

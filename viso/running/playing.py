@@ -21,7 +21,7 @@ LONGEST_WAIT_S: Final = 0.1
 class LinkPlay:
     """Plays over a link in step with the wall clock, and listens meanwhile.
 
-    ``on_text`` is told of each text of the vehicle, ``stop`` says whether to end before the end, ``speedup`` is how
+    ``on_text`` is called with each text of the vehicle, ``stop`` says whether to end before the end, ``speedup`` is how
     many seconds of the recording pass in one of ``now_s``, a monotonic clock.
     """
 

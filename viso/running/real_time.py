@@ -19,11 +19,11 @@ NOW_S: Final = time.monotonic
 """The wall clock, in seconds."""
 MAX_ROUNDS: Final = 64
 READ_BYTES: Final = 1024
-"""What a link may hand in before the next link's turn: some 30 messages at most, which take a few milliseconds."""
+"""How much is read from a link before the next one: some 30 messages at most, which take a few milliseconds."""
 MOST_SLEPT_OVER: Final = 20
-"""So many passes may come at once: what comes of them unforeseen, such as a text, is told no later than 50 ms."""
+"""So many passes may be run at once: what comes of them, such as a text, is sent no later than after 50 ms."""
 READ_BUDGET_S: Final = 0.01
-"""How long the links may hand in by turns before the main loop's turn."""
+"""How long the links may be read by turns before the next pass of the main loop."""
 
 
 class Pacer:
@@ -67,7 +67,7 @@ class Pacer:
             self.step(until_us)
 
     def step(self, until_us: int | None = None) -> None:
-        """Wait for bytes, or for a pass at which something is to be done, then deal with them."""
+        """Wait for bytes, or for a pass at which a task is due, then handle them."""
         due_us = self._due_us()
         if until_us is not None:
             due_us = max(self._next_loop_us, min(due_us, until_us - self._before_restart_us))

@@ -4,6 +4,6 @@
 
 from viso.sweep.job import run_point
 from viso.sweep.planning import make_plan
-from viso.sweep.request import Wishes
+from viso.sweep.request import SweepRequest
 
-__all__ = ["Wishes", "make_plan", "run_point"]
+__all__ = ["SweepRequest", "make_plan", "run_point"]

@@ -56,7 +56,7 @@ class Result:
 
 
 def run_point(plan: SweepPlan, point: Point) -> Result:
-    """Replay a point and return its figures; what goes wrong is told, not raised."""
+    """Replay a point and return its figures; an error is a part of the result, and not raised."""
     try:
         return Result(point.number, _row_of(plan, point))
     except InputError as error:

@@ -117,7 +117,7 @@ class SweepPlan:
     code: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what defines the sweep, for JSON: what is told when two differ."""
+        """Return what defines the sweep, for JSON; an error about two that differ names it."""
         return {
             "format": FORMAT,
             "code": self.code,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The plan that the wishes for a sweep lead to."""
+"""From a request for a sweep to its plan."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from viso.streams.stream_kinds import DATAFLASH_LOG, STREAM_KINDS, TrajectoryOpt
 from viso.sweep.dimensions import Axis, fault_field, parse_axes, values_of
 from viso.sweep.job import timeline_of
 from viso.sweep.plan import FOLLOW, SAMPLINGS, Faults, Recorded, Sampling, SweepPlan, check_plan, input_file
-from viso.sweep.request import NO_FAULTS, Wishes
+from viso.sweep.request import NO_FAULTS, SweepRequest
 from viso.terminal.ahrs import AhrsChoice, imu_options, of_stream
 from viso.terminal.options import firmware_of
 from viso.terminal.settings import known_parameters, load_settings, parse_assignments, preset_files
@@ -36,28 +36,28 @@ _LOG_ENDINGS: Final = (".BIN", ".BIN.xz", ".bin")
 _MOST_SEEDS: Final = 1_000_000
 
 
-def make_plan(wishes: Wishes) -> SweepPlan:
-    """Return the plan that wishes lead to; all files are looked at. Raises InputError naming what cannot be used."""
-    if not wishes.streams:
+def make_plan(request: SweepRequest) -> SweepPlan:
+    """Return the plan of a requested sweep; all files are read. Raises InputError naming what cannot be used."""
+    if not request.streams:
         raise InputError("no recorded stream is given")
-    names = [name.strip() for text in wishes.firmware or () for name in text.split(",")]
+    names = [name.strip() for text in request.firmware or () for name in text.split(",")]
     profiles = [firmware_of(name) for name in names or [REFERENCE.name]]
-    axes = _axes(wishes, profiles)
-    trajectory = _trajectory(wishes)
-    imu_options(AhrsChoice(imu_errors=wishes.imu_error, heading_deg=wishes.heading or 0.0))
+    axes = _axes(request, profiles)
+    trajectory = _trajectory(request)
+    imu_options(AhrsChoice(imu_errors=request.imu_error, heading_deg=request.heading or 0.0))
     plan = SweepPlan(
-        recordings=_recordings(wishes, trajectory),
+        recordings=_recordings(request, trajectory),
         axes=axes,
-        settings={profile.name: _settings(wishes, profile) for profile in profiles},
+        settings={profile.name: _settings(request, profile) for profile in profiles},
         firmware=tuple(dict.fromkeys(profile.name for profile in profiles)),
-        faults=_faults(wishes.faults, axes),
-        seeds=_seeds(wishes.seeds),
-        sampling=_sampling(wishes),
-        baud=_at_least("--baud", wishes.baud, 0),
-        imu_errors=tuple(wishes.imu_error or ()),
-        heading_deg=wishes.heading or 0.0,
-        lead_s=_lead(30.0 if wishes.lead is None else wishes.lead),
-        until_s=_until(math.inf if wishes.until is None else wishes.until),
+        faults=_faults(request.faults, axes),
+        seeds=_seeds(request.seeds),
+        sampling=_sampling(request),
+        baud=_at_least("--baud", request.baud, 0),
+        imu_errors=tuple(request.imu_error or ()),
+        heading_deg=request.heading or 0.0,
+        lead_s=_lead(30.0 if request.lead is None else request.lead),
+        until_s=_until(math.inf if request.until is None else request.until),
         trajectory=trajectory,
         code=installed_version(),
     )
@@ -65,60 +65,60 @@ def make_plan(wishes: Wishes) -> SweepPlan:
     return plan
 
 
-def _axes(wishes: Wishes, profiles: Sequence[Firmware]) -> tuple[Axis, ...]:
-    found = [parse_axes(wishes.set, known_parameters(1, profile)) for profile in profiles]
+def _axes(request: SweepRequest, profiles: Sequence[Firmware]) -> tuple[Axis, ...]:
+    found = [parse_axes(request.set, known_parameters(1, profile)) for profile in profiles]
     if any(axes != found[0] for axes in found):
         raise InputError("--set: the firmware profiles do not call these parameters the same")
     return found[0]
 
 
-def _settings(wishes: Wishes, profile: Firmware) -> dict[str, float]:
-    files = [*preset_files(wishes.preset), *(wishes.defaults or [])]
-    loaded = load_settings(files, [], links=1, allow_unknown=bool(wishes.allow_unknown), firmware=profile)
-    return {**loaded, **parse_assignments(wishes.param or [], "--param", links=1, firmware=profile)}
+def _settings(request: SweepRequest, profile: Firmware) -> dict[str, float]:
+    files = [*preset_files(request.preset), *(request.defaults or [])]
+    loaded = load_settings(files, [], links=1, allow_unknown=bool(request.allow_unknown), firmware=profile)
+    return {**loaded, **parse_assignments(request.param or [], "--param", links=1, firmware=profile)}
 
 
-def _trajectory(wishes: Wishes) -> TrajectoryOptions:
+def _trajectory(request: SweepRequest) -> TrajectoryOptions:
     usual = TrajectoryOptions()
-    form, axes = wishes.message or usual.form, wishes.axes or usual.axes
-    return TrajectoryOptions(form, wishes.format, wishes.topic, wishes.times, axes, wishes.rate)
+    form, axes = request.message or usual.form, request.axes or usual.axes
+    return TrajectoryOptions(form, request.format, request.topic, request.times, axes, request.rate)
 
 
-def _recordings(wishes: Wishes, options: TrajectoryOptions) -> tuple[Recorded, ...]:
-    names = [_name_of(path) for path in wishes.streams]
+def _recordings(request: SweepRequest, options: TrajectoryOptions) -> tuple[Recorded, ...]:
+    names = [_name_of(path) for path in request.streams]
     found: dict[str, Recorded] = {}
-    for path, name in zip(wishes.streams, names, strict=True):
+    for path, name in zip(request.streams, names, strict=True):
         shown = name if names.count(name) == 1 else str(path)
         if shown in found:
             raise InputError(f"{path}: given twice")
-        found[shown] = _recorded(wishes, path, name, shown, options)
+        found[shown] = _recorded(request, path, name, shown, options)
     return tuple(found.values())
 
 
-def _recorded(wishes: Wishes, path: Path, name: str, shown: str, options: TrajectoryOptions) -> Recorded:
+def _recorded(request: SweepRequest, path: Path, name: str, shown: str, options: TrajectoryOptions) -> Recorded:
     kind = kind_of(path, options)
     file = input_file(path)
-    ahrs, reference = (text and _absolute(text.replace(_NAME, name)) for text in (wishes.ahrs, wishes.reference))
-    if ahrs is not None and (wishes.imu or wishes.imu_error):
+    ahrs, reference = (text and _absolute(text.replace(_NAME, name)) for text in (request.ahrs, request.reference))
+    if ahrs is not None and (request.imu or request.imu_error):
         raise InputError("--ahrs and --imu: a vehicle that follows a log has no sensors")
-    imu, basis = _imu(wishes.imu, path, name, kind)
+    imu, basis = _imu(request.imu, path, name, kind)
     sensors = imu.partition(":")[2] if ahrs is None else ""
     used = [sensors if sensors not in ("", *EXAMPLES) else None, ahrs, reference]
     others = tuple(input_file(Path(one)) for one in dict.fromkeys(used) if one is not None)
     return Recorded(shown, file, imu, others, ahrs, reference, basis if ahrs is None else None)
 
 
-def _imu(wish: str | None, path: Path, name: str, kind: str) -> tuple[str, Basis | None]:
+def _imu(imu: str | None, path: Path, name: str, kind: str) -> tuple[str, Basis | None]:
     """Return the source of inertial data, and what its motion is made of if that is a log."""
-    if wish is None:
+    if imu is None:
         for log in (one for one in _logs_of(path, name, kind) if one.is_file()):
             with suppress(InputError):
                 return f"{FLOWN}:{log.absolute()}", read_flight(log).basis
         return FOLLOW, None
-    source, _, argument = (of_stream(wish, path) or "").replace(_NAME, name).partition(":")
+    source, _, argument = (of_stream(imu, path) or "").replace(_NAME, name).partition(":")
     is_file = argument and argument not in EXAMPLES
     basis = read_flight(Path(argument)).basis if source == FLOWN and argument else None
-    return f"{source}:{_absolute(argument)}" if is_file else wish, basis
+    return f"{source}:{_absolute(argument)}" if is_file else imu, basis
 
 
 def _logs_of(path: Path, name: str, kind: str) -> list[Path]:
@@ -172,18 +172,18 @@ def _seeds(text: str | None) -> tuple[int | None, ...]:
     return tuple(int(value) for value in values)
 
 
-def _sampling(wishes: Wishes) -> Sampling | None:
-    if wishes.sample is None:
-        for option, value in (("--points", wishes.points), ("--sample-seed", wishes.sample_seed)):
+def _sampling(request: SweepRequest) -> Sampling | None:
+    if request.sample is None:
+        for option, value in (("--points", request.points), ("--sample-seed", request.sample_seed)):
             if value is not None:
                 raise InputError(f"{option}: goes with --sample")
         return None
-    if wishes.sample not in SAMPLINGS:
-        raise InputError(f"--sample {wishes.sample}: there are {', '.join(SAMPLINGS)}")
-    if wishes.points is None:
-        raise InputError(f"--sample {wishes.sample}: --points tells how many")
-    points, seed = _at_least("--points", wishes.points, 1), _at_least("--sample-seed", wishes.sample_seed, 0)
-    return Sampling(wishes.sample, points or 1, seed or 0)
+    if request.sample not in SAMPLINGS:
+        raise InputError(f"--sample {request.sample}: there are {', '.join(SAMPLINGS)}")
+    if request.points is None:
+        raise InputError(f"--sample {request.sample}: --points tells how many")
+    points, seed = _at_least("--points", request.points, 1), _at_least("--sample-seed", request.sample_seed, 0)
+    return Sampling(request.sample, points or 1, seed or 0)
 
 
 def _at_least(option: str, value: int | None, low: int) -> int | None:

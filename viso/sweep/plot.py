@@ -69,7 +69,7 @@ def _varied(rows: Sequence[Row], objective: str) -> list[str]:
 
 
 def _is_wide(values: Sequence[float]) -> bool:
-    """Return whether a minimum among these would not be seen without a logarithmic scale."""
+    """Return whether a minimum among these is visible on a logarithmic scale only."""
     return bool(values) and min(values) > 0 and max(values) > _WIDE * min(values)
 
 

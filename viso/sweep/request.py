@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a sweep is asked to be, on the command line and in a TOML file."""
+"""The request for a sweep, from the command line and from a TOML file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -16,8 +16,8 @@ NO_FAULTS: Final = "none"
 
 
 @dataclass(slots=True)
-class Wishes:
-    """A sweep as it is asked for; None for what is not said. Names are those of options, with _ for -."""
+class SweepRequest:
+    """A sweep as it is requested; None for what is not given. Names are those of options, with _ for -."""
 
     streams: list[Path] = field(default_factory=list)
     set: list[str] = field(default_factory=list)
@@ -46,10 +46,10 @@ class Wishes:
     axes: str | None = None
     rate: float | None = None
 
-    def over(self, other: "Wishes") -> "Wishes":
-        """Return these wishes, with the other's where these say nothing; of ``set`` and ``param`` both."""
-        merged = Wishes()
-        for one in fields(Wishes):
+    def over(self, other: "SweepRequest") -> "SweepRequest":
+        """Return this request, completed by another; ``set`` and ``param`` are joined."""
+        merged = SweepRequest()
+        for one in fields(SweepRequest):
             ours, theirs = getattr(self, one.name), getattr(other, one.name)
             if one.name in ("set", "param"):
                 value: Any = [*(theirs or ()), *(ours or ())]
@@ -67,8 +67,8 @@ _WHOLE: Final = frozenset({"points", "sample_seed", "baud"})
 _LISTS: Final = frozenset({"streams", "faults", "firmware", "imu_error", "defaults"})
 
 
-def read_wishes(path: Path) -> Wishes:
-    """Return the wishes of a TOML file; paths are relative to its folder.
+def read_request(path: Path) -> SweepRequest:
+    """Return the request in a TOML file; paths are relative to its folder.
 
     Raises InputError that names the file and the key.
     """
@@ -76,19 +76,19 @@ def read_wishes(path: Path) -> Wishes:
         document = parsed_toml(read_text(path))
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
-    known = {one.name for one in fields(Wishes)}
-    wishes = Wishes()
+    known = {one.name for one in fields(SweepRequest)}
+    request = SweepRequest()
     for key, value in document.items():
         if key not in known:
             raise InputError(f"{path}: {key}: no such key here; there are {', '.join(sorted(known))}")
         try:
-            setattr(wishes, key, _wish(key, value, path.parent))
+            setattr(request, key, _value_of(key, value, path.parent))
         except ValueError as error:
             raise InputError(f"{path}: {key}: {error}") from None
-    return wishes
+    return request
 
 
-def _wish(key: str, value: Any, folder: Path) -> Any:
+def _value_of(key: str, value: Any, folder: Path) -> Any:
     if key in ("set", "param"):
         return _assignments(value)
     if key == "seeds":

@@ -131,5 +131,5 @@ def best_as_dict(plan: SweepPlan, best: Best, objective: str) -> dict[str, Any]:
     axis = swept_axis(plan) or ""
     names = ("at", "same_until", "value", "vertex", "at_edge", "alike", "stands_out")
     group, figures = {name: best.row[name] for name in GROUPED_BY}, {name: getattr(best, name) for name in names}
-    told = {**group, "axis": axis, **figures, "unjudged": unjudged(plan, best, axis, objective)}
-    return {**told, "age_on_arrival_ms": age_ms(best)} if axis == DELAY else told
+    row = {**group, "axis": axis, **figures, "unjudged": unjudged(plan, best, axis, objective)}
+    return {**row, "age_on_arrival_ms": age_ms(best)} if axis == DELAY else row

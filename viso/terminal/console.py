@@ -30,7 +30,7 @@ VerdictCounts = Mapping[tuple[str, Outcome, str], int]
 
 
 class _PlainConsole(Console):
-    """A console that makes printable what it prints, and lets the command line decide what a reader's leaving means."""
+    """A console that prints printable text only, and leaves a closed pipe to the command line."""
 
     @property
     def file(self) -> IO[str]:
@@ -82,7 +82,7 @@ def verdict_rows(counts: VerdictCounts) -> list[dict[str, object]]:
 
 @contextmanager
 def progress(title: str, total: int | None) -> Iterator[Callable[..., None]]:
-    """Show progress on standard error, if that is a terminal; yield what is told how much is done, and of how much."""
+    """Show progress on standard error, if that is a terminal; yield a function of what is done, and of the total."""
     # Imported by those who wait: it makes every other command start slower.
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -98,7 +98,7 @@ def progress(title: str, total: int | None) -> Iterator[Callable[..., None]]:
 
 @contextmanager
 def drawing(hint: str = PLOT_HINT) -> Iterator[None]:
-    """Draw a picture; without matplotlib, print a hint in place of it."""
+    """Print a hint if matplotlib is missing where a picture is drawn."""
     try:
         yield
     except ModuleNotFoundError as error:

@@ -22,7 +22,7 @@ OnMessage = Callable[[str, MessageEvent], None]
 OnOutcome = Callable[[int, FilterOutcome], None]
 
 SETTLED_US: Final = 1_000_000
-"""So long after tilt and yaw were aligned the filter has begun to use what it is going to use."""
+"""So long after tilt and yaw are aligned the filter uses all sources that it will use."""
 _OF_STARTING: Final = frozenset(
     rule.code
     for rule in (
@@ -43,8 +43,8 @@ _PATIENCE_US: Final = 10_000_000
 class LiveReport:
     """Prints texts as they come, and what becomes of messages and samples for the first time, if they are not used.
 
-    While the filter starts, the fates that every sample has then are one line. Listeners are told of each message as
-    well, with the name of its link; ``filter_listeners`` of each sample in the filter, with the time in us since boot.
+    While the filter starts, the outcomes that every sample has then are one line. Listeners get the name of
+    the link and each message, ``filter_listeners`` the time in us since boot and each outcome in the filter.
     """
 
     def __init__(
@@ -62,14 +62,14 @@ class LiveReport:
             self._print("restart")
         self._vehicle = vehicle
         self._aligned_us: int | None = None
-        self._told_start = False
+        self._has_printed_start = False
         vehicle.texts.on_text.append(lambda severity, text: self._print(f"({severity}) {text}"))
         vehicle.endpoint.on_event = lambda event: self.take(vehicle.endpoint.channels[event.channel].name, event)
         if isinstance(vehicle.ahrs, Ekf3Ahrs):
             vehicle.ahrs.on_filter_outcome = lambda outcome: self._outcome(vehicle.clock.micros64(), outcome)
 
-    def tell_link(self, link: str, news: str) -> None:
-        """Print who comes and goes on a link, or what fails on it."""
+    def print_link_news(self, link: str, news: str) -> None:
+        """Print a line about a link: a client that comes or goes, or an error."""
         self._print(f"{link}: {news}")
 
     def _print(self, line: str) -> None:
@@ -93,8 +93,8 @@ class LiveReport:
         rule = outcome.rule
         key = (outcome.kind, rule.code)
         if rule.code in _OF_STARTING and self._is_starting(now_us):
-            if not self._told_start:
-                self._told_start = True
+            if not self._has_printed_start:
+                self._has_printed_start = True
                 self._print(_STARTING)
             return
         if not is_final(rule) or fate_of(rule) is Fate.FUSED or key in self._seen:
@@ -115,11 +115,11 @@ REFRESH_US: Final = 250_000
 
 
 class LiveCounts:
-    """Shows the outcome of messages and samples, updated now and then; nothing where there is no terminal.
+    """Shows the counts of outcomes at the bottom of a terminal, updated now and then.
 
-    It is gone when it ends, for the closing table takes its place. What else is printed on the console stays above.
-    ``counts`` and ``filter_counts`` return those of the moment, ``period_us`` is the least time between two looks by
-    the clock that ``update`` is told, and what is not wanted is shown nowhere.
+    It disappears at the end, when the closing table takes its place. Other lines stay above it.
+    ``counts`` and ``filter_counts`` return the present counts, ``period_us`` is the least time between two updates, and
+    ``wanted`` whether anything is shown.
     """
 
     def __init__(
@@ -139,18 +139,18 @@ class LiveCounts:
         self._live = Live(console=console, auto_refresh=False, transient=True) if shown else None
 
     def __enter__(self) -> Self:
-        """Take the bottom of the terminal."""
+        """Start to show the tables."""
         if self._live is not None:
             self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Clear it."""
+        """Remove the tables."""
         if self._live is not None:
             self._live.stop()
 
     def update(self, now_us: int) -> None:
-        """Show the counts again if it is time to; a clock that has gone back has started again."""
+        """Show the counts again if the period has passed; a clock that has gone back has started again."""
         if self._live is None or (self._shown_us is not None and 0 <= now_us - self._shown_us < self._period_us):
             return
         self._shown_us = now_us

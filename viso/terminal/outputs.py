@@ -14,7 +14,7 @@ from viso.files.outputs import check_place, reading, refuse_input
 
 
 class Output(Enum):
-    """What stands beside ``typer.Option`` in the annotation of an option by which a command is told where to write."""
+    """Marks an option that names an output; it stands beside ``typer.Option`` in the annotation."""
 
     FILE = "a file, in a folder that is there"
     PLACE = "a folder, or a file whose folder is made if need be"
@@ -24,7 +24,7 @@ def keeping_inputs(command: Any, function: Callable[..., Any]) -> Callable[..., 
     """Return what runs a command that must not write over what it reads.
 
     Before anything else, places that are none and outputs that are the same file as an input, or as each other, are
-    refused with InputError. While the command runs, the door for outputs refuses its inputs whatever they are called.
+    refused with InputError. While the command runs, ``viso.files.outputs`` refuses to write to its inputs by any name.
     ``function`` is of which typer has made the command.
     """
     outputs = {

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A line for each message that reaches the autopilot: its outcome, and why; and of its samples in the filter.
 
-Lines for people leave out what goes on as before: a sample that is used, whose source is not in use, or that is not let
-in is told only if something else became of the one of its kind before it. Lines are written by a thread of its own, so
-that a slow reader never holds up the vehicle.
+Lines for people leave out repetitions: a sample that is used, refused, or whose source is not in use has a line only if
+the outcome of the sample of its kind before it was another. A thread of its own writes the lines, so that a slow reader
+never delays the vehicle.
 """
 
 import contextlib
@@ -48,7 +48,7 @@ class LineWriter:
         return isinstance(self.error, BrokenPipeError)
 
     def put(self, line: str) -> None:
-        """Have a line written, in order, soon; a line feed is added."""
+        """Queue a line; a line feed is added."""
         with self._changed:
             if self.error is not None or self._closing or len(self._waiting) >= self._limit:
                 self.lost += 1
@@ -148,9 +148,9 @@ _MAY_GO_ON: Final = (Fate.FUSED, Fate.UNUSED, Fate.REFUSED)
 
 
 class VerdictStream:
-    """Writes a line a message and a line a sample, in the order of what happened, without ever holding up the vehicle.
+    """Writes a line a message and a line a sample, in their order, and never delays the vehicle.
 
-    ``name`` is what the stream is called when something about it is told.
+    ``name`` is the name of the stream in errors.
     """
 
     def __init__(self, writer: LineWriter, kind: VerdictFormat, name: str) -> None:
@@ -170,7 +170,7 @@ class VerdictStream:
         self._writer.put(line(link, event))
 
     def take_outcome(self, now_us: int, outcome: FilterOutcome) -> None:
-        """Write the outcome of a sample in the filter, once that is settled; ``now_us`` is since boot."""
+        """Write the outcome of a sample in the filter, if it is final; ``now_us`` is since boot."""
         rule = outcome.rule
         if not is_final(rule):
             return
@@ -186,9 +186,9 @@ class VerdictStream:
         self._writer.close()
 
     def failure(self) -> str | None:
-        """Return what went wrong, in one line, or None; ask after ``close``.
+        """Return what failed, in one line, or None; called after ``close``.
 
-        A reader that has left is nothing wrong.
+        A reader that has left is no failure.
         """
         writer = self._writer
         if writer.reader_left or not (writer.lost or writer.error):

@@ -48,7 +48,7 @@ _WITH_YAW: Final = ~(1 << 10)
 
 @dataclass(slots=True)
 class _Call:
-    """What is called again and again, and when next."""
+    """A function that is called again and again, and when next."""
 
     period_us: int
     call: Callable[[], None]
@@ -56,10 +56,10 @@ class _Call:
 
 
 class Autopilot:
-    """A vehicle with one MAVLink link, whose time goes on when told to and at no other time.
+    """A vehicle with one MAVLink link, whose time goes on in ``advance`` only.
 
-    It has run for 6.5 s when it is made; what it said meanwhile is in its log alone. What is sent to it is handled
-    at once. Everything that is asked of it is about the time since then, or since ``clear``.
+    It has run for 6.5 s when it is made; its texts until then are in its log only. What is sent to it is handled at
+    once. All lists begin then, or with ``clear``.
 
     Args:
         options: what vehicle it is.
@@ -92,7 +92,7 @@ class Autopilot:
         self._calls: list[_Call] = []
 
     def close(self) -> None:
-        """Let go of everything; the fixture does that."""
+        """Close the vehicle; the fixture does that."""
         self.vehicle.close()
 
     # Time
@@ -103,7 +103,7 @@ class Autopilot:
         return self._scheduler.now_us
 
     def advance(self, *, ms: float | None = None, s: float | None = None) -> None:
-        """Let the vehicle run for a while of its own time, in ms or in s; that takes a fraction of it.
+        """Run the vehicle for a duration of its own time, in ms or in s; that takes a fraction of it.
 
         Raises ValueError: not one of the two is given, or it is no duration.
         """
@@ -194,7 +194,7 @@ class Autopilot:
     # Flight
 
     def every(self, ms: float, call: Callable[[], None]) -> None:
-        """Have something called again and again while time goes on, such as a camera that sends what it sees.
+        """Call a function again and again while time goes on, such as a camera that sends poses.
 
         Raises ValueError: the period is less than a pass of the main loop, 2.5 ms.
         """
@@ -214,7 +214,7 @@ class Autopilot:
         A vehicle without an origin gets that of the firmware's simulator.
 
         Raises:
-            AssertionError: it refused, or was not there in time; the text tells what it said.
+            AssertionError: it refused, or was not there in time; the text has what it said.
             ValueError: it is no vehicle that flies.
         """
         self._airframe()
@@ -233,7 +233,7 @@ class Autopilot:
         """Fly to a place, counted from the EKF's origin, and wait until the vehicle is there by its own estimate.
 
         Raises:
-            AssertionError: it was not there in time; the text tells where it is and what it said.
+            AssertionError: it was not there in time; the text has its position and what it said.
             ValueError: it is no vehicle that flies.
         """
         self._airframe()
@@ -253,7 +253,7 @@ class Autopilot:
         """Land, and wait until the vehicle has disarmed itself.
 
         Raises:
-            AssertionError: it refused, or did not in time; the text tells what it said.
+            AssertionError: it refused, or did not in time; the text has what it said.
             ValueError: it is no vehicle that flies.
         """
         self._airframe()
@@ -300,10 +300,10 @@ class Autopilot:
         texts = [text.text for text in self.status_texts[-5:]]
         return f"; the autopilot said last: {'; '.join(texts)}" if texts else "; the autopilot said nothing"
 
-    # What is seen of it
+    # Observations
 
     def clear(self) -> None:
-        """Forget what was seen so far: verdicts, texts, records, messages received."""
+        """Empty the lists of verdicts, texts, records and received messages."""
         self._begin()
         self._observer.clear()
 
@@ -315,7 +315,7 @@ class Autopilot:
 
     @property
     def status_texts(self) -> list[StatusText]:
-        """What the autopilot said."""
+        """The texts that the autopilot sent."""
         self._sync()
         return list(self._observer.status_texts)
 
@@ -366,7 +366,7 @@ class Autopilot:
     # What a test claims
 
     def assert_accepted(self, count: int | None = None, message: str | type[Message] | None = None) -> None:
-        """Claim that messages reached the filter's door.
+        """Claim that messages were passed to the filter.
 
         Args:
             count: exactly so many. Without it: at least one, and nothing that carries navigation was dropped, withheld
@@ -429,9 +429,9 @@ class Autopilot:
         claims.check_fused(self.verdicts, kind, count)
 
     def assert_text(self, part: str) -> None:
-        """Claim that the autopilot said something that contains a part.
+        """Claim that a text of the autopilot contains a part.
 
-        Raises AssertionError: it did not; the text tells what it did say.
+        Raises AssertionError: no text does; the error has the last texts.
         """
         claims.check_text(part, self.status_texts)
 
@@ -452,7 +452,7 @@ class Autopilot:
         It tries the stream on another vehicle with the same parameters, as ``viso doctor`` does with a recording in
         which no vehicle is heard; that takes about as long as sending took. With ``imu="fly"`` it holds the stream
         against where the vehicle really was; without, nothing but the stream tells how it moved, and positions and
-        attitudes of other axes that fit each other, such as ENU at one height, cannot be told from right ones.
+        attitudes of other axes that fit each other, such as ENU at one height, look like right ones.
 
         Args:
             least: error, warning or note: what is less does not count.

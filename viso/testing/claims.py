@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a test may claim about messages, samples and texts, and what it is told when that is wrong."""
+"""What a test may claim about messages, samples and texts, and the error where that is wrong."""
 
 import difflib
 from collections import Counter
@@ -152,17 +152,17 @@ def check_fused(verdicts: Sequence[MessageVerdict], kind: str, count: int | None
     waiting = sum(not verdict.is_settled for verdict in verdicts)
     if waiting:
         lines.append(f"{waiting:5d} waiting for the filter's decision, which takes some 250 ms: advance the time")
-    told = f"; the outcome of samples:\n{shortened(lines, MESSAGE_ROWS)}" if lines else what_became(verdicts)
-    raise AssertionError(f"expected {expected} {kind} fused, found {found}{told}")
+    outcomes = f"; the outcome of samples:\n{shortened(lines, MESSAGE_ROWS)}" if lines else what_became(verdicts)
+    raise AssertionError(f"expected {expected} {kind} fused, found {found}{outcomes}")
 
 
 def check_text(part: str, texts: Sequence[StatusText]) -> None:
-    """Raise AssertionError, with what was said last, unless a text contains a part."""
+    """Raise AssertionError, with the last texts, unless a text contains a part."""
     if any(part in text.text for text in texts):
         return
     rows = [f"{text.time_us * 1e-6:9.3f} s  ({text.severity}) {text.text}" for text in texts]
-    said = f"; it said:\n{shortened(rows, TEXT_ROWS, newest=True)}" if rows else "; it has said nothing"
-    raise AssertionError(f"expected a text with {part!r}{said}")
+    last = f"; it said:\n{shortened(rows, TEXT_ROWS, newest=True)}" if rows else "; it has said nothing"
+    raise AssertionError(f"expected a text with {part!r}{last}")
 
 
 def shortened(rows: Sequence[str], limit: int, *, newest: bool = False) -> str:

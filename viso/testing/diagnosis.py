@@ -17,21 +17,21 @@ from viso.vehicle.vehicle import Vehicle
 __tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
 
 
-def findings_in(seen: Observer, vehicle: Vehicle, firmware: Firmware) -> list[Finding]:
+def findings_in(observer: Observer, vehicle: Vehicle, firmware: Firmware) -> list[Finding]:
     """Return what the doctor finds in what was sent to a vehicle, tried again on one with the same parameters."""
     params = {param.name: float(param.value) for param in vehicle.params}
-    stream = Stream("what was sent", tuple(seen.sent), params)
-    return diagnose(gather(stream, vehicle=_truth(seen), firmware=firmware), CHECKS)
+    stream = Stream("what was sent", tuple(observer.sent), params)
+    return diagnose(gather(stream, vehicle=_truth(observer), firmware=firmware), CHECKS)
 
 
-def _truth(seen: Observer) -> VehicleData:
+def _truth(observer: Observer) -> VehicleData:
     """Return the vehicle's own motion, if it flew."""
-    if not seen.truths:
+    if not observer.truths:
         return VehicleData()
-    time_us = np.array([time_us for time_us, _ in seen.truths])
+    time_us = np.array([time_us for time_us, _ in observer.truths])
     time_us, first = np.unique(time_us, return_index=True)
-    ned_m = np.array([state.pos for _, state in seen.truths])[first]
-    attitude = AttitudeSeries(time_us, np.array([state.rpy for _, state in seen.truths])[first], "truth")
+    ned_m = np.array([state.pos for _, state in observer.truths])[first]
+    attitude = AttitudeSeries(time_us, np.array([state.rpy for _, state in observer.truths])[first], "truth")
     height, position = HeightSeries(time_us, ned_m[:, 2]), PositionSeries("truth", time_us, ned_m)
     return VehicleData(attitude=attitude, height=height, position=position)
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a test sees of the autopilot: verdicts on messages, fates of samples, records of the log, texts."""
+"""What a test observes of the autopilot: verdicts on messages, fates of samples, records of the log, texts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -41,7 +41,7 @@ class SampleFate(NamedTuple):
 
     Attributes:
         kind: pose, height, yaw, velocity or odometry.
-        fate: its outcome; fused and reset are the ones that one wants.
+        fate: its outcome; fused and reset are the good ones.
         rule: code of the rule that decided.
         reason: that rule in words.
     """
@@ -60,7 +60,7 @@ class MessageVerdict:
         time_us: when it was handled, us since boot.
         name: of the message; BAD_DATA for bytes that are no frame, UNKNOWN for an id outside the dialect.
         system_id, component_id: of the sender; None for BAD_DATA.
-        message: what it said; None for BAD_DATA, and for a message of which the autopilot knows the name alone.
+        message: its content; None for BAD_DATA, and for a message of which the autopilot knows only the name.
         outcome: accepted, ignored, dropped or handled (it carries no external navigation).
         rule: code of the firmware's rule that decided.
         reason: that rule in words.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Notes everything that a vehicle says and does, for a test to look at."""
+"""Notes the messages, texts, records and outcomes of a vehicle for a test."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -27,10 +27,10 @@ class Observer:
 
     Attributes:
         verdicts: the outcome of each message.
-        status_texts: what was said.
+        status_texts: those that the vehicle sent.
         records: those of the log, whether it is open or not.
         received: the messages that the vehicle has sent.
-        sent: the frames that it was sent, with their times of arrival.
+        sent: the frames that were sent to it, with their times of arrival.
         truths: where a vehicle that flies really was at these times, us since boot.
     """
 
@@ -52,9 +52,9 @@ class Observer:
         vehicle.texts.on_text.append(self._take_text)
 
     def clear(self) -> None:
-        """Forget what was seen so far; verdicts that a test has kept still hear of their samples."""
-        for seen in (self.verdicts, self.status_texts, self.records, self.received, self.sent, self.truths):
-            seen.clear()
+        """Empty all lists; verdicts that a test has kept still get the outcomes of their samples."""
+        for noted in (self.verdicts, self.status_texts, self.records, self.received, self.sent, self.truths):
+            noted.clear()
 
     def take_output(self, data: bytes) -> None:
         """Note what the vehicle has sent."""

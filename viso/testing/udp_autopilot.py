@@ -59,7 +59,7 @@ class UdpAutopilot(Autopilot):
     def running(self, *, speedup: float = 10.0) -> Iterator[None]:
         """Let time go on by itself, for code that blocks until the autopilot says something.
 
-        Within the block the vehicle runs in a thread of its own. What is seen of it may be looked at; time and
+        Within the block the vehicle runs in a thread of its own. Observations may be read; time and
         link are not to be touched.
 
         Args:
@@ -78,7 +78,7 @@ class UdpAutopilot(Autopilot):
         def run() -> None:
             try:
                 self._run_passes(LOOP_PERIOD_US * 1e-6 / speedup, stop)
-            except BaseException as error:  # told to whoever waits for the thread
+            except BaseException as error:  # raised again where the thread is waited for
                 failures.append(error)
 
         thread = threading.Thread(target=run, name="autopilot", daemon=True)

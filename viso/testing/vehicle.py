@@ -16,12 +16,12 @@ from viso.testing.options import AutopilotOptions
 from viso.vehicle.vehicle import Vehicle
 
 READY_US: Final = 6_500_000
-"""When a test begins, us since boot: the estimator runs, and the vehicle has told all it has to tell of its start."""
+"""When a test begins, us since boot: the estimator runs, and the texts of the start were sent."""
 
 
 @dataclass(slots=True)
 class BootedVehicle:
-    """A vehicle with one link, from which nothing is waiting to be sent, what moves its time, and its logs."""
+    """A vehicle with one link from which everything was sent, its scheduler, and its logs."""
 
     vehicle: Vehicle
     scheduler: Scheduler

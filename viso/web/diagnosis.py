@@ -53,11 +53,11 @@ async def examine(material: Mapping[str, Any]) -> dict[str, Any] | None:
         start_new_session=True,  # Ctrl-C is for the autopilot alone
     )
     try:
-        told, _ = await child.communicate(json.dumps(material).encode())
+        output, _ = await child.communicate(json.dumps(material).encode())
     finally:
         if child.returncode is None:
             child.kill()
-    found: dict[str, Any] | None = json.loads(told) if child.returncode == 0 else None
+    found: dict[str, Any] | None = json.loads(output) if child.returncode == 0 else None
     return found
 
 
@@ -78,8 +78,8 @@ def report_on(material: Mapping[str, Any]) -> dict[str, Any]:
     lines = [line.plain for finding in findings for line in finding_lines(finding, None)]
     count = count_text(findings)
     text = "\n".join([*lines, *summary_lines(summary), f"{NAME}: {count}", ""])
-    told = json.dumps(as_json(evidence, summary, findings))
-    return {"count": count, "text": text, "json": json.loads(told, parse_constant=lambda _: None)}
+    text_of_report = json.dumps(as_json(evidence, summary, findings))
+    return {"count": count, "text": text, "json": json.loads(text_of_report, parse_constant=lambda _: None)}
 
 
 def main() -> None:

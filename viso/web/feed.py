@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The vehicle's side of the page: notes what happens, and never waits for anybody to read it."""
+"""The side of the vehicle: it notes what happens for pages, and never waits for a reader."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -18,8 +18,8 @@ from viso.vehicle.copter.modes import MODES
 from viso.vehicle.outcomes import SampleTest
 from viso.vehicle.vehicle import Vehicle
 from viso.web.faults import FaultSwitches
-from viso.web.live_state import LiveState, Seen, defaults_of, finite, read_params
-from viso.web.requests import BoundedQueue, Desk
+from viso.web.live_state import LiveState, StateUpdate, defaults_of, finite, read_params
+from viso.web.requests import BoundedQueue, RequestQueue
 
 THINGS_WAITING: Final = 20_000
 LOOK_PERIOD_S: Final = 0.1
@@ -27,29 +27,29 @@ _MAV_SEVERITY_INFO: Final = 6
 
 
 class Feed:
-    """Hears of everything that a vehicle does, and does what pages ask for; all of it on the vehicle's thread.
+    """Listens to a vehicle and carries out what pages ask for, all on the thread of the vehicle.
 
     Args:
-        desk: where pages ask.
+        requests: those of pages, which wait.
         faults: the switches.
         links: those of the vehicle.
         now_s: a monotonic clock in seconds.
 
     Attributes:
-        seen: what nobody has read yet; when it is full, the oldest goes.
+        updates: those that were not applied yet; when it is full, the oldest goes.
     """
 
     def __init__(
-        self, desk: Desk, faults: FaultSwitches, *, links: Sequence[Link] = (), now_s: Callable[[], float]
+        self, requests: RequestQueue, faults: FaultSwitches, *, links: Sequence[Link] = (), now_s: Callable[[], float]
     ) -> None:
-        self._desk = desk
+        self._requests = requests
         self._faults = faults
         self._links = tuple(links)
         self._now_s = now_s
         self._vehicle: Vehicle | None = None
         self._looked_s: float | None = None
         self._generation = -1
-        self.seen: BoundedQueue[Seen] = BoundedQueue(THINGS_WAITING)
+        self.updates: BoundedQueue[StateUpdate] = BoundedQueue(THINGS_WAITING)
 
     def watch(self, vehicle: Vehicle) -> None:
         """Follow a vehicle that is about to run, in place of the one before it."""
@@ -57,17 +57,17 @@ class Feed:
         self._generation = -1
         defaults = defaults_of(vehicle.params)
         firmware = vehicle.firmware.name
-        self.seen.put(lambda state: state.take_boot(defaults, firmware))
+        self.updates.put(lambda state: state.take_boot(defaults, firmware))
         vehicle.texts.on_text.append(self._take_text)
         vehicle.logger.on_write = self._take_record
 
     def take(self, link: str, event: MessageEvent) -> None:
         """Note the outcome of a message that came over a link."""
-        self.seen.put(lambda state: state.take_message(link, event))
+        self.updates.put(lambda state: state.take_message(link, event))
 
     def take_outcome(self, now_us: int, outcome: FilterOutcome) -> None:
         """Note what the filter did with a sample, at a time in us since boot."""
-        self.seen.put(lambda state: state.take_sample(SampleTest(now_us, outcome)))
+        self.updates.put(lambda state: state.take_sample(SampleTest(now_us, outcome)))
 
     def take_news(self, link: str, news: str) -> None:
         """Note who comes and goes on a link, or what fails on it."""
@@ -76,18 +76,18 @@ class Feed:
     def _take_text(self, severity: int, text: str) -> None:
         assert self._vehicle is not None
         now_us = self._vehicle.clock.micros64()
-        self.seen.put(lambda state: state.take_text(now_us, severity, text))
+        self.updates.put(lambda state: state.take_text(now_us, severity, text))
 
     def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         if structure.name in (VISP.name, VISV.name):
-            self.seen.put(lambda state: state.take_record(structure.name == VISP.name, values))
+            self.updates.put(lambda state: state.take_record(structure.name == VISP.name, values))
 
     def update(self) -> None:
-        """Do what pages ask for, and look now and then how the vehicle is; to be called between passes of its loop."""
+        """Carry out requests, and note the state of the vehicle now and then; called between passes of its loop."""
         if self._vehicle is None:
             return
-        for answer in self._desk.run(self._vehicle):
-            self.seen.put(partial(LiveState.take_answer, answer=answer))
+        for answer in self._requests.run(self._vehicle):
+            self.updates.put(partial(LiveState.take_answer, answer=answer))
         now_s = self._now_s()
         if self._looked_s is None or now_s - self._looked_s >= LOOK_PERIOD_S:
             self._looked_s = now_s
@@ -97,11 +97,11 @@ class Feed:
         if vehicle.params.generation != self._generation:
             self._generation = vehicle.params.generation
             reading = read_params(vehicle.params)
-            self.seen.put(lambda state: state.take_params(reading))
+            self.updates.put(lambda state: state.take_params(reading))
         now_us, now = vehicle.clock.micros64(), _state_of(vehicle)
         now["faults"] = list(self._faults.on)
         now["clients"] = [[link.name, peer] for link in self._links for peer in link.peer_names]
-        self.seen.put(lambda state: state.take_state(now_us, now))
+        self.updates.put(lambda state: state.take_state(now_us, now))
 
 
 def _state_of(vehicle: Vehicle) -> dict[str, Any]:
@@ -123,7 +123,7 @@ def _state_of(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def _camera_of(vehicle: Vehicle) -> str:
-    """Return what its visual odometry says against arming; "healthy" for nothing, "off" where it is disabled."""
+    """Return why visual odometry prevents arming; "healthy" if it does not, "off" if it is disabled."""
     camera = vehicle.visual_odom
     return (camera.pre_arm_check() or "healthy") if camera.enabled() else "off"
 

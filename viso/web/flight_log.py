@@ -39,7 +39,7 @@ _TONES: Final = {Level.GOOD: "good", Level.WARNING: "warn", Level.BAD: "bad"}
 
 
 def log_recording(material: Material, facts: Facts, summary: Summary, firmware: Firmware) -> dict[str, Any]:
-    """Return what a page is told of a log; the firmware is the release whose parameters are known."""
+    """Return the message that shows a log; ``firmware`` is the release whose parameters are known."""
     length_s = max(facts.end_s - facts.start_s, LOOK_PERIOD_S)
     points = _points(material, facts, _ends(facts, max(LOOK_PERIOD_S, length_s / MOST_POINTS)))
     moments = _moments(material, facts, _ends(facts, max(MOMENT_S, length_s / MOST_POINTS)))
@@ -91,21 +91,21 @@ def _points(material: Material, facts: Facts, ends_s: Array) -> list[dict[str, A
     lags_ms = lag_ms(timed)
     yaw_deg = wrapped_deg(xkf1["Yaw"])
     pos_ned = np.where(positioned_at(own, xkf1.time_s)[:, np.newaxis], xkf1.matrix("PN", "PE", "PD"), np.nan)
-    seen_ned, withheld = visp.matrix("PX", "PY", "PZ"), visp["Ign"] > 0
+    observed_ned, withheld = visp.matrix("PX", "PY", "PZ"), visp["Ign"] > 0
     quality = timed["Q"]
     ratios = np.where(_tested(facts), own.ratios, np.nan)
     fresh_s = max(BRIDGED_S, float(ends_s[0] - facts.start_s))
     points = []
     spans = (_between(times, ends_s) for times in (visp.time_s, timed.time_s, np.asarray(own.time_us / 1e6)))
     for end_s, state, *parts in zip(ends_s.tolist(), _latest(xkf1.time_s, ends_s), *spans, strict=True):
-        seen, measured, tested = parts
+        observed, measured, tested = parts
         is_known = state >= 0 and end_s - xkf1.time_s[state] <= fresh_s
         points.append(
             {
                 "t": round(end_s, 3),
                 "ekf": _place(pos_ned[state]) if is_known else None,
                 "yaw_deg": finite(yaw_deg[state], 1) if is_known else None,
-                "vision": _vision(seen_ned[seen], withheld[seen]),
+                "vision": _vision(observed_ned[observed], withheld[observed]),
                 "lag": _spread(lags_ms[measured], worst=max),
                 "quality": _spread(quality[measured], worst=min),
                 "innovations": _innovations(own, ratios, tested),
@@ -231,14 +231,14 @@ class _Counted:
 
 def _runs(material: Material) -> list[dict[str, Any]]:
     """Return the outcome of measurements, as far as Ign tells."""
-    told: list[tuple[float, str, str]] = []
+    outcomes: list[tuple[float, str, str]] = []
     for name, series in zip(_RECORDS, material.vision, strict=True):
         why = np.full(len(series), "", dtype=object)
         for reason, mask in withheld_why(material, series).items():
             why[mask] = reason
-        told += zip(series.time_s.tolist(), [name] * len(series), why.tolist(), strict=True)
+        outcomes += zip(series.time_s.tolist(), [name] * len(series), why.tolist(), strict=True)
     runs = Runs(None)
-    for time_s, name, reason in sorted(told):
+    for time_s, name, reason in sorted(outcomes):
         outcome, rule = ("ignored", "Ign 1") if reason else ("accepted", "Ign 0")
         about = {
             "reason": f"withheld from the EKF for {reason}" if reason else "the driver took it",

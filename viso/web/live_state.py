@@ -69,8 +69,8 @@ TEXTS_KEPT: Final = 200
 PRE_ARM: Final = ("PreArm: ", "Arm: ")
 FILTER: Final = "filter"
 
-Seen = Callable[["LiveState"], None]
-"""Something that the vehicle's thread has seen: tells it to what pages show, on the page's thread."""
+StateUpdate = Callable[["LiveState"], None]
+"""An event of the vehicle: made on the thread of the vehicle, and applied to the state on the thread of the pages."""
 
 
 @dataclass(slots=True)
@@ -106,11 +106,11 @@ def finite(number: Any, digits: int = 4) -> float | None:
 
 
 class LiveState:
-    """Holds what a page shows: takes what was seen, gives what has changed, and everything for a page that opens.
+    """The state that pages show: it applies updates, and returns what has changed, or everything for a page that opens.
 
     Args:
         banner: what the vehicle claims to be, and where it listens.
-        lost: returns how many things went unseen because there were too many.
+        lost: returns how many updates were lost because there were too many.
         keeps_all: whether old points, texts and verdicts are kept, as a recording wants them.
     """
 
@@ -145,13 +145,13 @@ class LiveState:
         self._vision: dict[str, Any] | None = None
         self._innovations: dict[str, _Innovation] = {}
 
-    def take(self, things: Iterable[Seen]) -> None:
-        """Take what was seen, in order."""
-        for tell in things:
-            tell(self)
+    def take(self, updates: Iterable[StateUpdate]) -> None:
+        """Apply updates, in order."""
+        for update in updates:
+            update(self)
 
     def take_boot(self, defaults: Mapping[str, float | None], firmware: str) -> None:
-        """Take that a vehicle starts, and time counts from 0; ``defaults`` are its parameters'."""
+        """Note that a vehicle starts, whose time counts from 0; ``defaults`` are those of its parameters."""
         self._boots += 1
         self._defaults = defaults
         self._runs.close()
@@ -176,7 +176,7 @@ class LiveState:
         self._runs.take(key, {"reason": rule.text, "source": rule.source, "model": False}, event.now_us)
 
     def take_sample(self, test: SampleTest) -> None:
-        """Take what the filter did with a sample."""
+        """Note what the filter did with a sample."""
         outcome, rule = test.outcome, test.outcome.rule
         self._rates.take_sample(test)
         if not is_final(rule):
@@ -199,7 +199,7 @@ class LiveState:
             self._vision = {"pos": None if None in (x, y, z) else [x, y, z], "ignored": bool(values[-2])}
 
     def take_text(self, time_us: int, severity: int, text: str) -> None:
-        """Take what the vehicle said, at a time in us since boot; ``severity`` is a MAV_SEVERITY."""
+        """Note a text of the vehicle, at a time in us since boot; ``severity`` is a MAV_SEVERITY."""
         self._add_text(time_us, severity, text)
         if text.startswith(PRE_ARM):
             if time_us != self._pre_arm_us:

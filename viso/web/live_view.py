@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live view of a vehicle, put together: what hears of it, what lets faults in, and what serves the page."""
+"""The live view of a vehicle: it joins the listener, the faults and the server of the page."""
 
 import socket
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,7 @@ from viso.terminal.process import stop_on_signal
 from viso.web.faults import FaultSwitches, FaultyLink
 from viso.web.feed import Feed
 from viso.web.live_state import LiveState
-from viso.web.requests import Desk
+from viso.web.requests import RequestQueue
 
 STOP_LOOK_S: Final = 0.2
 MISSING_EXTRA: Final = f"--web: the live view is served with starlette; install it with: {pip_install('web')}"
@@ -32,9 +32,9 @@ class LiveView:
 
     Attributes:
         links: the links with faults in them, to be used in place of the others.
-        feed: what is to hear of the vehicle.
+        feed: the listener of the vehicle.
         url: where the page is.
-        introduction: tells where it is, in a line, and who may come.
+        introduction: where the page is, and who may open it, in a line.
 
     Raises:
         InputError: the address cannot be used, or what serves the page is not installed.
@@ -47,35 +47,35 @@ class LiveView:
             raise InputError(MISSING_EXTRA) from error
         self.links = [FaultyLink(link, lambda: int(NOW_S() * speedup * 1e6)) for link in links]
         switches = FaultSwitches(self.links)
-        desk = Desk(switches)
-        self.feed = Feed(desk, switches, links=links, now_s=NOW_S)
+        requests = RequestQueue(switches)
+        self.feed = Feed(requests, switches, links=links, now_s=NOW_S)
         listening, host = _listen(address)
         bound = listening.getsockname()
         self.url = f"http://{host}:{bound[1]}/"
         warning = "" if is_loopback(bound) else "; whoever reaches it can command the vehicle"
         self.introduction = f"live view at {self.url}{warning}"
-        seen = self.feed.seen
-        broadcaster = Broadcaster(LiveState(banner, lambda: seen.lost), seen.take_all, desk.ask)
+        updates = self.feed.updates
+        broadcaster = Broadcaster(LiveState(banner, lambda: updates.lost), updates.take_all, requests.ask)
         self._server = PageServer(make_app(broadcaster, host), listening)
         self._server.start()
 
     def close(self) -> None:
-        """Leave all pages, and end the server."""
+        """Close all pages, and stop the server."""
         self._server.stop()
 
 
-def show_recording(address: str, message: Mapping[str, Any], tell: Callable[[str], None]) -> None:
-    """Serve a recording until Ctrl-C, and tell where the page is; address and errors are as of ``LiveView``."""
+def show_recording(address: str, message: Mapping[str, Any], show: Callable[[str], None]) -> None:
+    """Serve a recording until Ctrl-C, and print where the page is; address and errors are those of ``LiveView``."""
     try:
-        from viso.web.server import PageServer, Shelf, make_app
+        from viso.web.server import PageServer, RecordingBroadcaster, make_app
     except ModuleNotFoundError as error:
         raise InputError(MISSING_EXTRA) from error
     listening, host = _listen(address)
     port = listening.getsockname()[1]
-    server = PageServer(make_app(Shelf(message), host), listening)
+    server = PageServer(make_app(RecordingBroadcaster(message), host), listening)
     with stop_on_signal() as stop:
         server.start()
-        tell(f"recording at http://{host}:{port}/; Ctrl-C ends")
+        show(f"recording at http://{host}:{port}/; Ctrl-C ends")
         while not stop:
             server.wait(STOP_LOOK_S)
     server.stop()

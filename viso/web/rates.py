@@ -31,11 +31,11 @@ class Rates:
         self._start_us = 0
 
     def take_sample(self, test: SampleTest) -> None:
-        """Take what the filter did with a sample."""
+        """Note what the filter did with a sample."""
         self._fates.take(test)
 
     def take_message(self, event: MessageEvent) -> None:
-        """Take a message, after the outcome of its samples at the filter's door."""
+        """Note a message, after the filter has taken or refused its samples."""
         handed = self._fates.take_handed()
         if event.name == BAD_DATA_NAME:
             return
@@ -69,7 +69,7 @@ class Rates:
         self._waiting = still
 
     def rows(self, now_us: int) -> list[dict[str, Any]]:
-        """Return a row for each name that was ever seen, with messages per second and in all, as JSON has it."""
+        """Return a row for each name that has come, with messages per second and in all, as JSON has it."""
         self._settle(now_us)
         while self._marks and now_us - self._marks[0][0] > WINDOW_US:
             _, name, what = self._marks.popleft()

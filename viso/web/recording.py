@@ -11,7 +11,7 @@ from viso.vehicle.vehicle import Vehicle
 from viso.web.faults import FaultSwitches
 from viso.web.feed import LOOK_PERIOD_S, Feed
 from viso.web.live_state import LiveState
-from viso.web.requests import Desk
+from viso.web.requests import RequestQueue
 
 MOST_POINTS: Final = 6000
 MOMENT_S: Final = 1.0
@@ -19,7 +19,7 @@ MOMENT_S: Final = 1.0
 
 
 def recording(everything: Mapping[str, Any], moments: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return what a page is told of a recording: no more points than it can draw, and nothing to command.
+    """Return the message that shows a recording: no more points than a page can draw, and no actions.
 
     Args:
         everything: as ``LiveState.snapshot`` has it.
@@ -27,8 +27,8 @@ def recording(everything: Mapping[str, Any], moments: list[dict[str, Any]]) -> d
     """
     points = everything["points"]
     step = -(-len(points) // MOST_POINTS) or 1
-    told = {"type": "recording", "points": points[::step], "actions": [], "faults": [], "moments": moments}
-    return {**everything, **told}
+    changes = {"type": "recording", "points": points[::step], "actions": [], "faults": [], "moments": moments}
+    return {**everything, **changes}
 
 
 class ReplayRecorder:
@@ -44,11 +44,11 @@ class ReplayRecorder:
         """Follow a vehicle that is about to run."""
         self._vehicle = vehicle
         switches = FaultSwitches([])
-        self._feed = Feed(Desk(switches), switches, now_s=self._now_s)
+        self._feed = Feed(RequestQueue(switches), switches, now_s=self._now_s)
         self._feed.watch(vehicle)
         vehicle.endpoint.on_event = self._take
         if watch is not None:
-            watch.listeners.append(lambda test: self._feed.seen.put(lambda state: state.take_sample(test)))
+            watch.listeners.append(lambda test: self._feed.updates.put(lambda state: state.take_sample(test)))
             watch.lookers.append(self._look)  # what the filter does while nothing comes matters, too
 
     def _now_s(self) -> float:
@@ -64,11 +64,11 @@ class ReplayRecorder:
             return
         self._looked_s = now_s
         self._feed.update()
-        self._state.take(self._feed.seen.take_all())
+        self._state.take(self._feed.updates.take_all())
         batch = self._state.batch()
         if not self._moments or now_s - self._moments[-1]["t"] >= MOMENT_S:
             self._moments.append({"t": now_s, "state": batch["state"], "rates": batch["rates"]})
 
     def message(self) -> dict[str, Any]:
-        """Return what a page is told."""
+        """Return the message for a page."""
         return recording(self._state.snapshot(), self._moments)

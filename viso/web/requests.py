@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 
 class BoundedQueue(Generic[T]):
-    """Holds the newest things that nobody has taken yet; over a limit the oldest go, and are counted as lost."""
+    """Holds the newest items that were not taken yet; beyond a limit the oldest are lost, and counted."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
@@ -41,27 +41,27 @@ class BoundedQueue(Generic[T]):
         self.lost = 0
 
     def __len__(self) -> int:
-        """Return how many wait."""
+        """Return how many items wait."""
         return len(self._waiting)
 
-    def put(self, thing: T) -> None:
-        """Add something."""
-        with self._lock:  # held by the other side for as long as two assignments take
+    def put(self, item: T) -> None:
+        """Add an item."""
+        with self._lock:  # the other side holds it for two assignments only
             if len(self._waiting) >= self._limit:
                 self._waiting.popleft()
                 self.lost += 1
-            self._waiting.append(thing)
+            self._waiting.append(item)
 
-    def put_if_room(self, thing: T) -> bool:
-        """Add something unless there is no room; say whether it was added."""
+    def put_if_room(self, item: T) -> bool:
+        """Add an item if there is room; return whether it was added."""
         with self._lock:
             if len(self._waiting) >= self._limit:
                 return False
-            self._waiting.append(thing)
+            self._waiting.append(item)
             return True
 
     def take_all(self) -> deque[T]:
-        """Return all that waits, oldest first."""
+        """Remove and return all items, the oldest first."""
         with self._lock:
             taken, self._waiting = self._waiting, deque()
         return taken
@@ -117,12 +117,12 @@ _RESULTS: Final[Mapping[int, str]] = MappingProxyType(
 
 
 class RequestError(ValueError):
-    """A request that means nothing; the text tells why, in one line."""
+    """A request that cannot be read; the text says why, in one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Something that a page asks for: ``param``, ``action`` or ``fault``, under a number of its own, -1 without one."""
+    """A request of a page: its kind (``param``, ``action`` or ``fault``), and a number, -1 without one."""
 
     client: int
     number: int
@@ -134,7 +134,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Outcome of a request, whose client and number it has: whether it was done, and what is to be told."""
+    """The outcome of a request, with its client and number: whether it was carried out, and a text."""
 
     client: int
     request: int
@@ -204,8 +204,8 @@ def _value(value: Any) -> float:
     return number
 
 
-class Desk:
-    """Takes requests on one thread, and does them on the vehicle's."""
+class RequestQueue:
+    """The requests that wait: they come in on one thread, and are carried out on the thread of the vehicle."""
 
     def __init__(self, faults: FaultSwitches) -> None:
         self._faults = faults
@@ -213,7 +213,7 @@ class Desk:
         self._channel: tuple[Vehicle, Channel] | None = None
 
     def ask(self, client: int, text: str) -> Answer | None:
-        """Take what a page has sent, whatever it is; the answer, if there is one already, tells why it is of no use."""
+        """Add a request that a page has sent; return an answer at once if it cannot be carried out."""
         try:
             request = parse_request(client, text)
         except RequestError as error:
@@ -223,7 +223,7 @@ class Desk:
         return None
 
     def run(self, vehicle: Vehicle) -> Iterator[Answer]:
-        """Do what waits, and yield the answers; on the vehicle's thread, between two passes of its loop."""
+        """Carry out the requests that wait, and yield the answers; between two passes of the vehicle's loop."""
         if not len(self._waiting):
             return
         for request in self._waiting.take_all():

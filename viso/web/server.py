@@ -25,7 +25,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from mav_handlers.links.base import is_short_of_descriptors
 from viso.web.diagnosis import examine
-from viso.web.live_state import LiveState, Seen
+from viso.web.live_state import LiveState, StateUpdate
 from viso.web.requests import MAX_REQUEST_CHARS, Answer, asks_for_diagnosis, number_of
 from viso.web.same_site import SameSite
 
@@ -111,22 +111,22 @@ class Client:
 
 
 class Broadcaster:
-    """Turns what the vehicle's thread has seen into batches for all pages, ten times per second.
+    """Sends what has changed to all pages, ten times per second.
 
     Args:
         state: what pages show.
-        take_seen: returns what was seen since the last call.
+        take_updates: returns the updates since the last call.
         ask: takes what a page has sent, and returns the answer if there is one already.
     """
 
     def __init__(
         self,
         state: LiveState,
-        take_seen: Callable[[], Iterable[Seen]],
+        take_updates: Callable[[], Iterable[StateUpdate]],
         ask: Callable[[int, str], Answer | None],
     ) -> None:
         self._state = state
-        self._take_seen = take_seen
+        self._take_updates = take_updates
         self._ask = ask
         self._clients: dict[int, Client] = {}
         self._numbers = 0
@@ -139,8 +139,8 @@ class Broadcaster:
             self.tick()
 
     def tick(self) -> None:
-        """Take what was seen, and have every page told."""
-        self._state.take(self._take_seen())
+        """Apply the updates, and send what has changed to every page."""
+        self._state.take(self._take_updates())
         for answer in self._state.take_answers():
             if answer.client in self._clients:
                 self._clients[answer.client].put(_answer_text(answer))
@@ -151,11 +151,11 @@ class Broadcaster:
                 client.put_batch(text)
 
     def everything(self) -> str:
-        """Return all that a page is told which has just opened."""
+        """Return all that a page gets when it opens."""
         return encode(self._state.snapshot())
 
     async def serve(self, connection: WebSocket) -> None:
-        """Talk to a page until it leaves."""
+        """Serve the socket of a page until it closes."""
         if len(self._clients) >= MAX_CLIENTS:
             await connection.close(TRY_LATER)
             return
@@ -195,8 +195,8 @@ class Broadcaster:
 
     async def _examine(self, client: Client, request: int, material: dict[str, Any]) -> None:
         report = await examine(material)
-        told = "the doctor failed" if report is None else f"Doctor: {report['count']}"
-        answer = {"type": "answer", "id": request, "ok": report is not None, "text": told, "report": report}
+        text = "the doctor failed" if report is None else f"Doctor: {report['count']}"
+        answer = {"type": "answer", "id": request, "ok": report is not None, "text": text, "report": report}
         client.put(encode(answer))
 
     def close(self) -> None:
@@ -205,7 +205,7 @@ class Broadcaster:
             self._diagnosis.cancel()
 
 
-class Shelf(Broadcaster):
+class RecordingBroadcaster(Broadcaster):
     """Shows every page a recording, which nothing changes."""
 
     def __init__(self, message: Mapping[str, Any]) -> None:
@@ -213,7 +213,7 @@ class Shelf(Broadcaster):
         self._everything = encode(message)
 
     def tick(self) -> None:
-        """Do nothing: there are no news."""
+        """Do nothing: nothing changes."""
 
     def everything(self) -> str:
         """Return the recording."""

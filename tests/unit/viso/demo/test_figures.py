@@ -68,7 +68,7 @@ def test_both_ends_are_close_to_the_truth(figures: LoopFigures) -> None:
 
 
 def test_darkness_degrades_and_beginning_anew_steps_the_counter(loop: CompanionLoop) -> None:
-    said = [one for one in loop.record.said if one.who == COMPANION and one.time_us > HOP_COVERED_S[0] * 1e6]
+    said = [one for one in loop.record.all_texts if one.who == COMPANION and one.time_us > HOP_COVERED_S[0] * 1e6]
     assert [one.text.split(":")[0] for one in said if "->" in one.text] == [
         *("TRACKING -> DEGRADED", "DEGRADED -> INIT", "INIT -> TRACKING"),
     ]

@@ -57,13 +57,13 @@ def estimates(loop: CompanionLoop, start_s: float, end_s: float) -> list[Estimat
 
 def transitions(loop: CompanionLoop, start_s: float, end_s: float) -> list[str]:
     """Return the changes of the odometry's state in a span of time, without their reasons."""
-    said = [one for one in loop.record.said if one.who == COMPANION and start_s * 1e6 <= one.time_us < end_s * 1e6]
+    said = [one for one in loop.record.all_texts if one.who == COMPANION and start_s * 1e6 <= one.time_us < end_s * 1e6]
     return [one.text.split(":")[0] for one in said if "->" in one.text]
 
 
 def when(loop: CompanionLoop, text: str) -> float:
     """Return when the autopilot first said something, in s since boot."""
-    return next(one.time_us for one in loop.record.said if one.who == AUTOPILOT and one.text == text) * 1e-6
+    return next(one.time_us for one in loop.record.all_texts if one.who == AUTOPILOT and one.text == text) * 1e-6
 
 
 # The lens is covered
@@ -126,7 +126,7 @@ def test_filter_carries_on_through_two_seconds_of_darkness() -> None:
 
 
 def test_autopilot_says_nothing_of_two_seconds_of_darkness() -> None:
-    said = [one for one in covered().record.said if one.who == AUTOPILOT]
+    said = [one for one in covered().record.all_texts if one.who == AUTOPILOT]
     assert [one.text for one in said if SHORT_S[0] * 1e6 < one.time_us < LONG_S[0] * 1e6] == []
 
 
@@ -139,7 +139,7 @@ def test_nine_dark_frames_lose_the_pose() -> None:
     loop = covered()
     dark = [one for one in loop.record.health if LONG_S[0] * 1e6 + 60_000 <= one.time_us <= lost_s(loop) * 1e6]
     assert [one.state for one in dark] == [VioState.DEGRADED] * 8 + [VioState.LOST]
-    errors = [one.text for one in loop.record.said if one.who == COMPANION and one.severity == 3]
+    errors = [one.text for one in loop.record.all_texts if one.who == COMPANION and one.severity == 3]
     assert errors[0] == "VIO LOST after 9 consecutive frames; strategy=klt_ransac"
 
 
@@ -282,7 +282,7 @@ def test_voxl_takes_the_jump_out() -> None:
 
 
 def test_yaw_is_aligned_twenty_seconds_after_the_filter_began() -> None:
-    texts = [one for one in restarted(3).record.said if one.text.startswith("VisOdom: yaw shifted")]
+    texts = [one for one in restarted(3).record.all_texts if one.text.startswith("VisOdom: yaw shifted")]
     assert [one.time_us * 1e-6 for one in texts] == [pytest.approx(22.48, abs=0.1)]
 
 

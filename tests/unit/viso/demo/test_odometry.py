@@ -15,7 +15,7 @@ from viso.companion.strategies.engine import EngineStrategy
 from viso.companion.vio.types import VioState
 from viso.demo.figures import LoopFigures, figures_of
 from viso.demo.odometry import ARM_S, COMPANION_S, COVERED_S, DISARM_S, END_S, RESTART_S, VioDemo, demo_setup
-from viso.demo.record import AUTOPILOT, COMPANION, Said
+from viso.demo.record import AUTOPILOT, COMPANION, LoopText
 from viso.logs.logger import MemoryLog
 from viso.terminal.engine import with_engine
 
@@ -30,9 +30,9 @@ class Ran:
     figures: LoopFigures
     progress: list[float]
 
-    def said(self, who: str) -> list[Said]:
+    def said(self, who: str) -> list[LoopText]:
         """Return what one of the two has said."""
-        return [said for said in self.demo.loop.record.said if said.who == who]
+        return [said for said in self.demo.loop.record.all_texts if said.who == who]
 
 
 @cache

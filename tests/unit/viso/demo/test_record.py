@@ -8,7 +8,7 @@ import pytest
 from ekf_stub.reports import AidingMode, FilterFlag
 from tests.unit.viso.demo.hops import ARM_S, COMPANION_S, HOP_END_S, HOP_RESTART_S, hop
 from viso.companion.vio.types import VioState
-from viso.demo.record import AUTOPILOT, COMPANION, Health, LoopRecord, Said, StateSpan
+from viso.demo.record import AUTOPILOT, COMPANION, Health, LoopRecord, LoopText, StateSpan
 
 pytestmark = pytest.mark.slow
 
@@ -31,7 +31,9 @@ def test_without_a_frame_the_odometry_begins_for_ever() -> None:
 
 
 def test_texts_are_told_apart_by_who_said_them() -> None:
-    record = LoopRecord(said=[Said(1, AUTOPILOT, 6, "a"), Said(2, COMPANION, 4, "b"), Said(3, AUTOPILOT, 2, "c")])
+    record = LoopRecord(
+        all_texts=[LoopText(1, AUTOPILOT, 6, "a"), LoopText(2, COMPANION, 4, "b"), LoopText(3, AUTOPILOT, 2, "c")]
+    )
     assert (record.texts(AUTOPILOT), record.texts(COMPANION)) == (["a", "c"], ["b"])
 
 

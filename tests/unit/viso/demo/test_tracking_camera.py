@@ -94,7 +94,7 @@ def test_autopilot_says_what_is_expected_in_order(ran: Callable[[int], Ran]) -> 
 
 @pytest.mark.slow
 def test_yaw_differs_until_it_is_aligned(ran: Callable[[int], Ran]) -> None:
-    said = [(one.time_us * 1e-6, one.text) for one in ran(1).result.said if "VisOdom: yaw" in one.text]
+    said = [(one.time_us * 1e-6, one.text) for one in ran(1).result.all_texts if "VisOdom: yaw" in one.text]
     assert [text.split(":")[0] for _, text in said] == ["PreArm", "VisOdom"]
     assert said[0][1].startswith("PreArm: VisOdom: yaw diff 7")
     assert said[1][1] in ("VisOdom: yaw shifted 74 to 30 deg", "VisOdom: yaw shifted 75 to 30 deg")

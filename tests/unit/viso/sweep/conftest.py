@@ -10,7 +10,7 @@ import pytest
 from tests.places import DATA
 from viso.sweep.plan import SweepPlan
 from viso.sweep.planning import make_plan
-from viso.sweep.request import Wishes
+from viso.sweep.request import SweepRequest
 
 CAPTURE = DATA / "captures" / "mav.jsonl.gz"
 UNTIL_S = 5.6
@@ -22,9 +22,9 @@ MakePlan = Callable[..., SweepPlan]
 def make_plan_of() -> MakePlan:
     """Return a function that makes a plan, by default of two points on the beginning of a capture."""
 
-    def make(**wishes: Any) -> SweepPlan:
+    def make(**request: Any) -> SweepPlan:
         usual: dict[str, Any] = {"streams": [CAPTURE], "set": ["VISO_DELAY_MS=0,100"], "until": UNTIL_S}
-        return make_plan(Wishes(**{**usual, **wishes}))
+        return make_plan(SweepRequest(**{**usual, **request}))
 
     return make
 

@@ -166,8 +166,8 @@ def test_reference_without_positions_is_one_line(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.slow
 def test_filter_that_follows_a_trajectory_is_near_it(make_plan_of: MakePlan) -> None:
-    wishes = {"streams": [FLIGHT], "preset": "voxl", "lead": 6.0, "until": 11.0, "reference": str(FLIGHT)}
-    plan = make_plan_of(**wishes, set=["VISO_SCALE=1"], param=["VISO_TYPE=1"], seeds="1,2")
+    request = {"streams": [FLIGHT], "preset": "voxl", "lead": 6.0, "until": 11.0, "reference": str(FLIGHT)}
+    plan = make_plan_of(**request, set=["VISO_SCALE=1"], param=["VISO_TYPE=1"], seeds="1,2")
     row = run_point(plan, next(plan.points())).row
     assert row is not None
     assert isinstance(row["ate_m"], float)

@@ -16,7 +16,7 @@ from viso.logs.recorded import read_columns
 from viso.sweep.best import Best
 from viso.sweep.job import run_point
 from viso.sweep.planning import make_plan
-from viso.sweep.request import Wishes
+from viso.sweep.request import SweepRequest
 from viso.sweep.result_tables import found
 from viso.sweep.store import table_rows
 from viso.vehicle.sensors.flight import Basis
@@ -38,7 +38,7 @@ def without_imu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def best(log: Path, axis: str) -> Best:
-    plan = make_plan(Wishes(streams=[log], set=[axis], baud=0, until=END_S))
+    plan = make_plan(SweepRequest(streams=[log], set=[axis], baud=0, until=END_S))
     rows = table_rows(plan, {point.number: run_point(plan, point).row or {} for point in plan.points()})
     (along,) = found(plan, rows, "nis")
     return along
@@ -60,7 +60,7 @@ def test_lever_arm_is_found_by_imu_records() -> None:
 
 def test_estimate_is_that_of_the_flight(without_imu: Path) -> None:
     for log, basis, most_m in ((LOG, Basis.IMU, 0.1), (without_imu, Basis.ESTIMATE, 0.3)):
-        plan = make_plan(Wishes(streams=[log], set=["VISO_QUAL_MIN=0,100"], until=END_S))
+        plan = make_plan(SweepRequest(streams=[log], set=["VISO_QUAL_MIN=0,100"], until=END_S))
         (recorded,) = plan.recordings
         assert recorded.basis is basis
         row = run_point(plan, next(plan.points())).row

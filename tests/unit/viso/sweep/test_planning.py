@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plans that follow from wishes, and what cannot be had."""
+"""Plans of requested sweeps, and what cannot be requested."""
 
 import lzma
 import math
@@ -16,7 +16,7 @@ from viso.streams.stream_kinds import TrajectoryOptions
 from viso.sweep.plan import Faults, Sampling
 
 
-@pytest.mark.parametrize(("wishes", "complaint"), [
+@pytest.mark.parametrize(("wanted", "complaint"), [
     ({"streams": []}, "no recorded stream is given"),
     ({"streams": [Path("a.jpg")]}, "a.jpg: by its ending no recorded stream"),
     ({"streams": [Path("missing.tlog")]}, "missing.tlog: No such file or directory"),
@@ -46,11 +46,11 @@ from viso.sweep.plan import Faults, Sampling
     ({"rate": 30.0}, f"{CAPTURE}: --as, --format, --topic, --times, --axes and --rate are for trajectories"),
 ])  # fmt: skip
 def test_wish_that_cannot_be_had_is_one_line(
-    make_plan_of: MakePlan, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wishes: dict[str, Any], complaint: str
+    make_plan_of: MakePlan, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wanted: dict[str, Any], complaint: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError) as error:
-        make_plan_of(**wishes)
+        make_plan_of(**wanted)
     assert str(error.value).removeprefix(f"{tmp_path}/").startswith(complaint)
 
 
@@ -90,8 +90,8 @@ def test_example_scripts_need_no_file(make_plan_of: MakePlan) -> None:
 
 
 def test_draws_faults_and_trajectories_are_as_asked(make_plan_of: MakePlan) -> None:
-    wishes: dict[str, Any] = {"set": ["VISO_SCALE=0.9:1.1"], "sample": "latin", "points": 5, "seeds": "1:3"}
-    plan = make_plan_of(streams=[DATA / "trajectories" / "flight.tum"], axes="NED/FRD", rate=10.0, **wishes)
+    wanted: dict[str, Any] = {"set": ["VISO_SCALE=0.9:1.1"], "sample": "latin", "points": 5, "seeds": "1:3"}
+    plan = make_plan_of(streams=[DATA / "trajectories" / "flight.tum"], axes="NED/FRD", rate=10.0, **wanted)
     assert (plan.sampling, plan.seeds, plan.size) == (Sampling("latin", 5), (1, 2, 3), 15)
     assert plan.trajectory == TrajectoryOptions(axes="NED/FRD", rate_hz=10.0)
     assert plan.faults == (Faults(),)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Wishes: TOML files, the command line over them, and the plans that follow."""
+"""SweepRequest: TOML files, the command line over them, and the plans that follow."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +13,7 @@ from tests.unit.viso.sweep.conftest import CAPTURE
 from viso.errors import InputError
 from viso.sweep import planning
 from viso.sweep.planning import make_plan
-from viso.sweep.request import Wishes, read_wishes
+from viso.sweep.request import SweepRequest, read_request
 from viso.vehicle.sensors.flight import Basis
 
 WHOLE = """
@@ -60,7 +60,7 @@ def whole(tmp_path: Path, toml: Toml, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_toml_file_says_it_all_with_paths_beside_it(whole: Path, tmp_path: Path) -> None:
-    plan = make_plan(read_wishes(whole))
+    plan = make_plan(read_request(whole))
     assert plan.size == 2 * 2 * 2 * 2 * 3 * 2
     assert [one.name for one in plan.recordings] == ["mav", "t265"]
     assert [one.imu for one in plan.recordings] == [f"log:{tmp_path}/logs/{name}.BIN.xz" for name in ("mav", "t265")]
@@ -76,8 +76,8 @@ def test_toml_file_says_it_all_with_paths_beside_it(whole: Path, tmp_path: Path)
 
 
 def test_command_line_wins_over_the_file(whole: Path) -> None:
-    given = Wishes(set=["VISO_DELAY_MS=5"], seeds="7", baud=57600, param=["VISO_SCALE=2"])
-    plan = make_plan(given.over(read_wishes(whole)))
+    given = SweepRequest(set=["VISO_DELAY_MS=5"], seeds="7", baud=57600, param=["VISO_SCALE=2"])
+    plan = make_plan(given.over(read_request(whole)))
     values = {axis.name: axis.values for axis in plan.axes}
     assert values == {"VISO_DELAY_MS": (5.0,), "EK3_POS_I_GATE": (300.0, 500.0)}
     assert (plan.seeds, plan.baud, plan.settings["4.6"]["VISO_SCALE"]) == ((7,), 57600, 2.0)
@@ -101,5 +101,5 @@ def test_command_line_wins_over_the_file(whole: Path) -> None:
 def test_toml_that_cannot_be_used_is_one_line(toml: Toml, text: str, complaint: str) -> None:
     path = toml(text)
     with pytest.raises(InputError) as error:
-        read_wishes(path)
+        read_request(path)
     assert str(error.value).startswith(f"{path}: {complaint}")

@@ -16,7 +16,7 @@ from tests.unit.viso.conftest import Bench, odometry
 from viso.web.faults import FaultSwitches
 from viso.web.feed import Feed
 from viso.web.live_state import LiveState
-from viso.web.requests import Desk
+from viso.web.requests import RequestQueue
 from viso.web.server import encode
 
 INDOORS = {
@@ -37,8 +37,10 @@ class Watched:
         self.bench = bench
         switches = FaultSwitches([])
         self.link, self.client = make_pair(("a link", "a client"))
-        self.feed = Feed(Desk(switches), switches, links=[self.link], now_s=lambda: bench.scheduler.now_us / 1e6)
-        self.state = LiveState("a banner", lambda: self.feed.seen.lost)
+        self.feed = Feed(
+            RequestQueue(switches), switches, links=[self.link], now_s=lambda: bench.scheduler.now_us / 1e6
+        )
+        self.state = LiveState("a banner", lambda: self.feed.updates.lost)
         vehicle = bench.vehicle
         vehicle.endpoint.on_event = lambda event: self.feed.take("client", event)
         assert isinstance(vehicle.ahrs, Ekf3Ahrs)
@@ -48,7 +50,7 @@ class Watched:
     def batch(self) -> dict[str, Any]:
         """Look at the vehicle, and return what a page is told."""
         self.feed.update()
-        self.state.take(self.feed.seen.take_all())
+        self.state.take(self.feed.updates.take_all())
         batch = json.loads(encode(self.state.batch()))
         assert isinstance(batch, dict)
         return batch
@@ -247,7 +249,7 @@ def test_page_that_opens_gets_what_batches_have_told(watch: Callable[..., Watche
 
 def test_what_is_too_much_is_counted_and_told(watch: Callable[..., Watched]) -> None:
     watched = watch()
-    watched.feed.seen._limit = 3
+    watched.feed.updates._limit = 3
     watched.bench.see(0.5)
     assert watched.batch()["lost"] > 0
 

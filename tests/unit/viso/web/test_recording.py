@@ -13,7 +13,7 @@ from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.capture import read_capture
 from viso.terminal.ahrs import AhrsChoice, ahrs_maker
 from viso.web.recording import MOST_POINTS, ReplayRecorder, recording
-from viso.web.server import Shelf, encode
+from viso.web.server import RecordingBroadcaster, encode
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_long_recording_has_no_more_points_than_a_page_can_draw() -> None:
 
 
 def test_page_of_a_recording_gets_all_of_it_and_can_change_nothing() -> None:
-    shelf = Shelf({"type": "recording"})
+    shelf = RecordingBroadcaster({"type": "recording"})
     assert json.loads(shelf.everything()) == {"type": "recording"}
     answer = shelf._ask(1, '{"do":"param","name":"VISO_TYPE","value":1,"id":4}')
     assert answer is not None

@@ -139,7 +139,7 @@ def test_page_gets_everything_and_then_batches(shared: Served) -> None:
 def test_request_is_done_when_the_vehicle_comes_to_it(served: Served) -> None:
     with served.page() as page:
         page.send('{"do":"param","name":"VISO_DELAY_MS","value":77,"id":5}')
-        while not len(served.view.feed._desk._waiting):
+        while not len(served.view.feed._requests._waiting):
             page.recv(LIMIT_S)
         served.view.feed.update()
         answer = until(page, "answer")

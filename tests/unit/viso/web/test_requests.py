@@ -15,16 +15,16 @@ from mav_handlers.verdicts import PARAM_NOT_FINITE, PARAM_UNKNOWN
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE
 from tests.unit.viso.conftest import Bench
 from viso.web.faults import FaultSwitches
-from viso.web.requests import ACTIONS, REQUESTS_WAITING, Answer, Desk
+from viso.web.requests import ACTIONS, REQUESTS_WAITING, Answer, RequestQueue
 
 
-def ask(bench: Bench, desk: Desk | None = None, **request: Any) -> Answer:
+def ask(bench: Bench, requests: RequestQueue | None = None, **request: Any) -> Answer:
     """Ask for something, have it done, and return the answer."""
-    desk = desk or Desk(FaultSwitches([]))
-    at_once = desk.ask(3, json.dumps({"id": 7, **request}))
+    requests = requests or RequestQueue(FaultSwitches([]))
+    at_once = requests.ask(3, json.dumps({"id": 7, **request}))
     if at_once is not None:
         return at_once
-    (answer,) = desk.run(bench.vehicle)
+    (answer,) = requests.run(bench.vehicle)
     assert (answer.client, answer.request) == (3, 7)
     return answer
 
@@ -128,7 +128,7 @@ WORDS = st.sampled_from(["param", "action", "fault", "arm", "VISO_TYPE", "frozen
 @example("9" * 1900 + "9" * 50_000)
 @example('{"do":["param"],"name":{},"id":true}')
 def test_nothing_that_comes_over_the_socket_raises(text: str) -> None:
-    answer = Desk(FaultSwitches([])).ask(1, text)
+    answer = RequestQueue(FaultSwitches([])).ask(1, text)
     assert answer is None or (not answer.ok and answer.text and "\n" not in answer.text)
 
 
@@ -143,16 +143,16 @@ def test_no_name_and_no_number_harms_the_vehicle(make_bench: Callable[..., Bench
 
 
 def test_request_of_no_use_is_answered_under_its_number() -> None:
-    answer = Desk(FaultSwitches([])).ask(1, '{"do":"fly","name":"away","id":12}')
+    answer = RequestQueue(FaultSwitches([])).ask(1, '{"do":"fly","name":"away","id":12}')
     assert answer == Answer(1, 12, False, "nothing that can be done here")
 
 
 def test_no_page_can_ask_for_more_than_is_done(make_bench: Callable[..., Bench]) -> None:
-    desk = Desk(FaultSwitches([]))
+    requests = RequestQueue(FaultSwitches([]))
     request = '{"do":"action","name":"source1","id":1}'
-    answers = [desk.ask(1, request) for _ in range(REQUESTS_WAITING + 1)]
+    answers = [requests.ask(1, request) for _ in range(REQUESTS_WAITING + 1)]
     assert [answer for answer in answers if answer] == [Answer(1, 1, False, "too much at once")]
-    assert len(list(desk.run(make_bench().vehicle))) == REQUESTS_WAITING
+    assert len(list(requests.run(make_bench().vehicle))) == REQUESTS_WAITING
 
 
 def test_unknown_fault_is_told(make_bench: Callable[..., Bench]) -> None:
