@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 Three = tuple[float, float, float]
 
 UNINITIALISED_FAULT: Final = 128
-_REST: Final = (0.0, 0.0, 0.0)
+_ZERO: Final = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class StillnessReport:
 
 @dataclass(slots=True)
 class CoreReport:
-    """What a core knows, at the present time unless said otherwise. By default it has no state yet.
+    """The state of a core, at the present time unless noted. By default it has no state yet.
 
     Attributes:
         rpy_rad: roll, pitch and yaw of the outputs, without the vehicle's trim.
@@ -113,20 +113,20 @@ class CoreReport:
         relative_error: by how much that has been more than that of the primary core, summed up.
     """
 
-    rpy_rad: Three = _REST
+    rpy_rad: Three = _ZERO
     quat_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
-    vel_ned: Three = _REST
-    pos_ned: Three = _REST
+    vel_ned: Three = _ZERO
+    pos_ned: Three = _ZERO
     height_rate: float = 0.0
-    gyro_bias: Three = _REST
-    accel_bias: Three = _REST
+    gyro_bias: Three = _ZERO
+    accel_bias: Three = _ZERO
     origin_alt_cm: int = 0
-    vel_innovation: Three = _REST
-    pos_innovation: Three = _REST
+    vel_innovation: Three = _ZERO
+    pos_innovation: Three = _ZERO
     yaw_innovation: float = 0.0
-    mag_innovation: Three = _REST
-    earth_field: Three = _REST
-    body_field: Three = _REST
+    mag_innovation: Three = _ZERO
+    earth_field: Three = _ZERO
+    body_field: Three = _ZERO
     mag_fusion: int = 0
     vel_ratio: float = 0.0
     pos_ratio: float = 0.0

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every AHRS shares: settling time, yaw source, origin, and logging of what it is given.
+"""What every AHRS shares: start-up times, yaw source, origin, and a log of its inputs.
 
 Source: AP_AHRS/AP_AHRS.cpp.
 """
@@ -40,11 +40,12 @@ class AhrsBase:
         start_us: when the AHRS starts; the estimator starts 1 s later and counts as initialised 20 s later.
 
     Attributes:
-        state: what it is told of the vehicle.
-        source: where the sensors' data come from.
+        state: that of the vehicle, which the vehicle keeps up to date.
+        source: the source of the sensors' data.
         primary: number of the estimator's core by which the vehicle flies.
         yaw_reset_ms: when the estimator's yaw has jumped last, 0 before the first time.
-        ext_nav_counts: what the estimator did with how many samples, by kind and code of the rule (``ingest_rules``).
+        ext_nav_counts: how many samples the estimator took, refused or fused, by kind and code of the rule
+            (``ingest_rules``).
     """
 
     def __init__(self, clock: Clock, sources: EkfSources, log: ExtNavLog, *, start_us: int = AHRS_START_US) -> None:
@@ -100,7 +101,7 @@ class AhrsBase:
         return self._origin
 
     def set_origin(self, origin: Location) -> bool:
-        """Set the origin, once, and not before the estimator runs; say whether it was set."""
+        """Set the origin, once, and not before the estimator runs; return whether it was set."""
         if self._origin is not None or not self.estimator_started():
             return False
         self._origin = origin
@@ -108,7 +109,7 @@ class AhrsBase:
 
     @property
     def runs_ahead(self) -> bool:
-        """Whether it may be given several passes at once."""
+        """Whether ``advance`` may run several passes at once."""
         return False
 
     def update(self) -> None:
@@ -117,19 +118,19 @@ class AhrsBase:
             self._log.frame(self.state.camera)
 
     def advance(self, times_us: range, due_us: Callable[[], int]) -> int:
-        """Run the frames of passes, up to one at which others have something to do, and return how many.
+        """Run the frames of passes, up to one at which other tasks are due, and return how many.
 
         The clock stands at the first one, and moves on with each.
 
         Args:
             times_us: of the passes, in which ``state`` stays what it is; not empty.
-            due_us: returns when others have something to do next, as things are.
+            due_us: returns when other tasks are due next.
         """
         self.update()
         return 1
 
     def log_estimates(self) -> None:
-        """Log what the estimator says at the moment."""
+        """Log the present estimates."""
 
     def get_imu(self) -> tuple[Vector3f, Vector3f] | None:
         """Return what the first IMU measures: m/s/s and rad/s in the body, FRD; None without one."""
@@ -157,7 +158,7 @@ class AhrsBase:
         return None if self._origin is None or position is None else self._origin.offset(position)
 
     def get_filter_status(self) -> FilterStatus | None:
-        """Return what the estimator says of itself, or None while it does not run or is not a real one."""
+        """Return the status of the filter, or None without a filter that runs."""
         return None
 
     def healthy(self) -> bool:
@@ -165,17 +166,17 @@ class AhrsBase:
         return self.estimator_started()
 
     def reset_height_datum(self) -> bool:
-        """Let heights count from the present one; say whether the estimator did (AP_AHRS::resetHeightDatum)."""
+        """Make the present height zero; return whether the estimator did (AP_AHRS::resetHeightDatum)."""
         return False
 
     def request_yaw_reset(self) -> None:
         """Ask the estimator to reset its yaw if it knows better (AP_AHRS::request_yaw_reset)."""
 
     def check_lane_switch(self) -> None:
-        """Let a better core take over, if there is one (AP_AHRS::check_lane_switch)."""
+        """Switch to a better core, if there is one (AP_AHRS::check_lane_switch)."""
 
     def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
-        """Take a place that somebody else has worked out, at a time in ms since boot; say whether it was used.
+        """Take a position from outside, of a time in ms since boot; return whether it was used.
 
         Source: AP_AHRS::handle_external_position_estimate.
         """
@@ -195,7 +196,7 @@ class AhrsBase:
         self._log.flow(measured, time_ms)
 
     def set_terrain_stable(self, *, is_stable: bool) -> None:
-        """Hear whether heights may count from the ground (AP_AHRS::set_terrain_hgt_stable)."""
+        """Set whether the ground is flat enough to measure heights from it (AP_AHRS::set_terrain_hgt_stable)."""
 
     def height_above_ground(self) -> float | None:
         """Return the height above the ground in m, or None while it is unknown (AP_AHRS::get_hagl)."""

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The AHRS of a vehicle that estimates its state by EKF3 (AP_AHRS/AP_AHRS.cpp).
 
-All that it tells is the primary core's.
+All answers are those of the primary core.
 
 FIRMWARE PARITY: before the filter runs, the attitude is level with the sensors' true heading, where the firmware has
 its simple estimate (DCM).
@@ -43,10 +43,10 @@ from ekf_stub.inputs.measurements import (
     Array,
     FlowMeasurement,
     GpsSample,
-    Moved,
+    PlaceCache,
     RangeState,
     from_imu,
-    gps_seen_from,
+    gps_counted_from,
     numbers_of,
 )
 from ekf_stub.inputs.sensors import Sensors, SensorSource
@@ -114,8 +114,8 @@ class Ekf3Ahrs(AhrsBase):
     Attributes:
         cores: the cores, once they have been set up; None also when none is wanted.
         core: the filter of the primary one.
-        on_filter_outcome: hears what becomes of each sample of external navigation in the primary core: as it comes
-            and, if it was taken, when it leaves the buffer.
+        on_filter_outcome: called with the outcome of each sample of external navigation in the primary core: when it
+            comes and, if it was taken, when it leaves the buffer.
     """
 
     def __init__(
@@ -148,8 +148,8 @@ class Ekf3Ahrs(AhrsBase):
         self._lever = (0.0, 0.0, 0.0)
         self._has_flow = FromParams(params, lambda: has_flow(params))
         self._imu_frd = FromParams(params, lambda: _floats(imu_pos(params)))
-        self._gps_seen = Moved(gps_seen_from)
-        self._ranges_seen = Moved(RangeState.seen_from)
+        self._gps_from_imu = PlaceCache(gps_counted_from)
+        self._ranges_from_imu = PlaceCache(RangeState.counted_from)
         self._terrain_is_stable: bool | None = None
         self._sensors: Sensors | None = None
         self._measured: list[float] = []  # by the first IMU, and further ones, in the last pass
@@ -167,13 +167,13 @@ class Ekf3Ahrs(AhrsBase):
     # Passes
 
     def stop(self) -> None:
-        """Run the filter no further: it keeps to its last estimate, and is handed no more samples."""
+        """Stop the filter: it keeps its last estimate, and gets no more samples."""
         self._is_stopped = True
         self.on_filter_outcome = None
 
     @property
     def runs_ahead(self) -> bool:
-        """Whether it may be given several passes at once: the filter runs and no frame is logged, or it was stopped."""
+        """Whether several passes may be run at once: the filter runs and no frame is logged, or it was stopped."""
         is_logged = self._replay_log.is_wanted or self._sources.active_set != self._source_set
         return self._is_stopped or (self._active and not is_logged)
 
@@ -191,7 +191,7 @@ class Ekf3Ahrs(AhrsBase):
         self._quat = None
 
     def advance(self, times_us: range, due_us: Callable[[], int]) -> int:
-        """Run the frames of passes, up to one at which others have something to do, and return how many."""
+        """Run the frames of passes, up to one at which other tasks are due, and return how many."""
         if self._is_stopped:
             left = passes_through(times_us, due_us())
             self._pass_clock.set_us(left[-1])
@@ -232,7 +232,7 @@ class Ekf3Ahrs(AhrsBase):
             row += numbers_of(delta)
         cores.lanes.advance(row, 0, 1)
         self._replay_log.note_run(was_initialised=was_initialised)
-        self._note_run(cores, now_us)
+        self._finish_run(cores, now_us)
 
     def _flying_ms(self, now_us: int) -> int:
         since_us = self.state.flying_since_us
@@ -248,7 +248,7 @@ class Ekf3Ahrs(AhrsBase):
         return self.source.gps() or self.state.gps
 
     def _run_ahead(self, cores: Cores, times_us: range) -> int:
-        """Run frames until something comes of one, or the sensors have more than inertial data; return how many."""
+        """Run frames until one has texts or outcomes, or the sensors have more than inertial data; return how many."""
         ahead = self.source.ahead(times_us)
         if not len(ahead):
             self._pass_clock.set_us(times_us[0])
@@ -263,7 +263,7 @@ class Ekf3Ahrs(AhrsBase):
         self._replay_log.start_frame(now_us, 0)
         self._replay_log.frame(self.state.camera)
         self._replay_log.note_run(was_initialised=True)
-        self._note_run(cores, now_us)
+        self._finish_run(cores, now_us)
         self._quat = None
         return count
 
@@ -278,25 +278,25 @@ class Ekf3Ahrs(AhrsBase):
         numbers: list[float] = rows.reshape(-1).tolist()
         return numbers
 
-    def _note_run(self, cores: Cores, now_us: int) -> None:
-        """Tell and log what the filters have to say after a pass."""
-        cores.tell_texts()
-        self._tell_outcomes()
+    def _finish_run(self, cores: Cores, now_us: int) -> None:
+        """Send and log the texts, outcomes and records of the filters after a pass."""
+        cores.send_texts()
+        self._report_outcomes()
         cores.log_pass(now_us)
         self._follow_primary(cores)
         if self._origin is None:
             self._origin = cores.lanes.origin
 
-    def _tell_outcomes(self) -> None:
-        """Count and tell what became of samples; of those that several cores take the primary one's count."""
-        self._tell_outcomes_of(self._refusals)
+    def _report_outcomes(self) -> None:
+        """Count and report the outcomes of samples; of several cores those of the primary one."""
+        self._report_outcomes_of(self._refusals)
         for core in () if self.cores is None else self.cores.lanes.cores:
             if core is self.core:
-                self._tell_outcomes_of(core.events)
+                self._report_outcomes_of(core.events)
             else:
                 core.events.outcomes.clear()
 
-    def _tell_outcomes_of(self, events: Events) -> None:
+    def _report_outcomes_of(self, events: Events) -> None:
         if not events.outcomes:
             return
         outcomes, events.outcomes = events.outcomes, []
@@ -349,7 +349,7 @@ class Ekf3Ahrs(AhrsBase):
         self.core = self.cores.lanes.primary_filter
         if self._origin is not None:
             self.cores.lanes.set_origin(self._origin)
-            self.cores.tell_texts()
+            self.cores.send_texts()
 
     def _log_frame(self, sensors: Sensors, gps: GpsSample | None, now_us: int) -> None:
         log, state = self._replay_log, self.state
@@ -369,14 +369,14 @@ class Ekf3Ahrs(AhrsBase):
         return replace(sensors, baro=(sensors.baro[0], height))
 
     def _gps(self) -> GpsSample | None:
-        """Return the newest solution with its antenna's place from the IMU: the same until either changes."""
+        """Return the newest solution with the antenna's place from the IMU: the same object until either changes."""
         given = self._newest_gps()
-        return None if given is None else self._gps_seen(_FIRST_IMU, given, self._imu_frd())
+        return None if given is None else self._gps_from_imu(_FIRST_IMU, given, self._imu_frd())
 
     def _range_finders(self) -> RangeState | None:
-        """Return what the range finders say, with their places from the IMU: the same until that changes."""
+        """Return the ranges with places from the IMU: the same object until they change."""
         given = self.state.ranges
-        return None if given is None else self._ranges_seen(_FIRST_IMU, given, self._imu_frd())
+        return None if given is None else self._ranges_from_imu(_FIRST_IMU, given, self._imu_frd())
 
     def _lever_arm(self) -> Three:
         """Return the camera's place from the IMU, m, body (FRD)."""
@@ -388,16 +388,16 @@ class Ekf3Ahrs(AhrsBase):
             self._lever = _floats(place - imu_pos)
         return self._lever
 
-    # What the filter says
+    # Estimates
 
     def log_estimates(self) -> None:
-        """Log what the filters say at the moment."""
+        """Log the present estimates of the filters."""
         if self.cores is not None:
             self.cores.log_estimates(self._clock.micros64())
             self._replay_log.note_logged()
 
     def report(self) -> CoreReport | None:
-        """Return what the primary core says of itself; None before it has a state."""
+        """Return the report of the primary core; None before it has a state."""
         if self.cores is None or self.core is None or not self.core.initialised:
             return None
         return self.cores.report(self.core)
@@ -515,10 +515,10 @@ class Ekf3Ahrs(AhrsBase):
         """Return whether the filter runs well."""
         return self._active and self.core is not None and self.core.healthy(self._now_ms())
 
-    # What the vehicle asks for
+    # Requests of the vehicle
 
     def set_origin(self, origin: Location) -> bool:
-        """Set the origin, once, and not before the estimator runs; say whether it was set."""
+        """Set the origin, once, and not before the estimator runs; return whether it was set."""
         core = self.core
         is_early = core is None or (self._release.refuses_early_origin and not core.initialised)
         if self._origin is not None or self.cores is None or is_early:
@@ -526,11 +526,11 @@ class Ekf3Ahrs(AhrsBase):
         self._replay_log.origin(origin)
         self._origin = origin
         self.cores.lanes.set_origin(origin)
-        self.cores.tell_texts()
+        self.cores.send_texts()
         return True
 
     def set_terrain_stable(self, *, is_stable: bool) -> None:
-        """Hear whether heights may count from the ground; the filter and the log hear of changes alone."""
+        """Set whether heights may be measured from the ground; only a change reaches the filter and the log."""
         if is_stable is self._terrain_is_stable:
             return
         self._terrain_is_stable = is_stable
@@ -539,7 +539,7 @@ class Ekf3Ahrs(AhrsBase):
             core.set_terrain_stable(is_stable)
 
     def reset_height_datum(self) -> bool:
-        """Let heights count from the present one, on the ground (NavEKF3::resetHeightDatum)."""
+        """Make the present height zero, on the ground (NavEKF3::resetHeightDatum)."""
         if self.cores is None:
             return False
         self._replay_log.event(RESET_HEIGHT_DATUM)
@@ -556,15 +556,15 @@ class Ekf3Ahrs(AhrsBase):
             self.cores.lanes.request_yaw_reset()
 
     def check_lane_switch(self) -> None:
-        """Go over to a core that is much better, if there is one (NavEKF3::checkLaneSwitch)."""
+        """Switch to a core that is much better, if there is one (NavEKF3::checkLaneSwitch)."""
         if self.cores is not None:
             self._replay_log.event(CHECK_LANE_SWITCH)
             self.cores.lanes.check_lane_switch()
-            self.cores.tell_texts()
+            self.cores.send_texts()
             self._follow_primary(self.cores)
 
     def handle_external_position_estimate(self, location: Location, accuracy_m: np.float32, time_ms: int) -> bool:
-        """Put the vehicle somewhere while it navigates without a position; say whether it was."""
+        """Set the position while the filter navigates without one; return whether it was set."""
         return self.cores is not None and self.cores.lanes.set_place(location, float(accuracy_m), time_ms)
 
     def pre_arm_failure(self, requires_position: bool) -> str | None:
@@ -588,7 +588,7 @@ class Ekf3Ahrs(AhrsBase):
             COMPASS: self._has_compass(),
             GPS: self._params.get_int("GPS1_TYPE") != 0,
             OPTICAL_FLOW: self._has_flow(),
-            RANGEFINDER_SENSOR: ranges is not None and any(one.orientation == DOWNWARD for one in ranges.finders),
+            RANGEFINDER_SENSOR: ranges is not None and any(finder.orientation == DOWNWARD for finder in ranges.finders),
             VISUAL_ODOM: self.state.camera.enabled,
         }
         return fitted.get(sensor, False)
@@ -605,7 +605,7 @@ class Ekf3Ahrs(AhrsBase):
                 core.write_flow(measured.quality, measured.flow, measured.gyro, offset)
 
     def _ext_navs(self) -> list[ExtNav]:
-        """Return who takes samples of external navigation; until the cores are set up somebody who refuses them."""
+        """Return the inputs of external navigation; one that refuses all samples until the cores are set up."""
         return [self._refusing] if self._is_stopped or self.cores is None else self.cores.ext_navs()
 
     def writeExtNavData(
@@ -623,7 +623,7 @@ class Ekf3Ahrs(AhrsBase):
         sample = _floats(pos), float(posErr), yaw_of(quat), float(angErr)
         for ext_nav in self._ext_navs():
             ext_nav.write_pose(*sample, timeStamp_ms, delay_ms, resetTime_ms)
-        self._tell_outcomes()
+        self._report_outcomes()
         if self.source.follows_poses and not self._is_stopped:
             is_reset = resetTime_ms != self._reset_ms
             self._reset_ms = resetTime_ms
@@ -636,7 +636,7 @@ class Ekf3Ahrs(AhrsBase):
         super().writeExtNavVelData(vel, err, timeStamp_ms, delay_ms)
         for ext_nav in self._ext_navs():
             ext_nav.write_velocity(_floats(vel), float(err), timeStamp_ms, delay_ms)
-        self._tell_outcomes()
+        self._report_outcomes()
 
     def writeBodyFrameOdom(
         self,
@@ -656,7 +656,7 @@ class Ekf3Ahrs(AhrsBase):
         for lane, ext_nav in enumerate(self._ext_navs()):
             offset = _floats(self._from_imu(posOffset, lane))
             ext_nav.write_odometry(vel, err, float(delTime), has_nan, timeStamp_ms, delay_ms, offset)
-        self._tell_outcomes()
+        self._report_outcomes()
 
     def _from_imu(self, place: Vector3f, lane: int) -> Vector3f:
         """Return a place on the vehicle as counted from a core's IMU."""

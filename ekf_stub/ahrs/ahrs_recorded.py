@@ -21,7 +21,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RecordedStates:
-    """What a log says about the vehicle's state; times in us since boot, rising.
+    """The state of the vehicle in a log; times in us since boot, rising.
 
     Attributes:
         att_time_us: shape (n,), times of the ATT records.
@@ -43,7 +43,7 @@ class RecordedStates:
 class RecordedAhrs(AhrsBase):
     """Attitude and position of a log, interpolated at the present time.
 
-    DCM's yaw counts as initialised from the first attitude on: in the recordings it was, before the estimator settled.
+    DCM's yaw counts as initialised from the first attitude on, as in the recordings.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An AHRS that answers what it was told and remembers what it was given: for tests and recorded scenarios."""
+"""An AHRS whose answers are set, and which keeps the calls that it gets: for tests and recorded scenarios."""
 
 from dataclasses import dataclass, field
 

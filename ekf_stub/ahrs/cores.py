@@ -22,7 +22,15 @@ from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.params import EkfSources, Params
 from ekf_stub.core.samples import RingSizes
-from ekf_stub.inputs.measurements import GpsSample, ImuReading, Moved, RangeState, first_usable, from_imu, gps_seen_from
+from ekf_stub.inputs.measurements import (
+    GpsSample,
+    ImuReading,
+    PlaceCache,
+    RangeState,
+    first_usable,
+    from_imu,
+    gps_counted_from,
+)
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ekf_log import EkfLog
 from ekf_stub.log.replay_log import SensorSet
@@ -38,7 +46,7 @@ _FLOW_MAX: Final = "FLOW_MAX"
 
 
 class Cores:
-    """The filters, what they are given, and what they log.
+    """The filters, their inputs, and their logs.
 
     ``imus`` has the IMU of each core, in the order of the cores; ``differ`` says how many IMUs differ, 0 for none. In
     ``lanes`` is a filter for each core, or one for all.
@@ -84,9 +92,9 @@ class Cores:
         self._has_compass = FromParams(params, lambda: has_compass(params))
         self._places = FromParams(params, lambda: _places(params))
         self._given: dict[tuple[str, int], tuple[object, ...]] = {}
-        self._levers = Moved(from_imu)
-        self._ranges = Moved(RangeState.seen_from)
-        self._gps = Moved(gps_seen_from)
+        self._levers = PlaceCache(from_imu)
+        self._ranges = PlaceCache(RangeState.counted_from)
+        self._gps = PlaceCache(gps_counted_from)
 
     def _read_params(self) -> None:
         params = self._all_params
@@ -95,7 +103,7 @@ class Cores:
             renamed = {_FLOW_MAX: self._release.flow_limit}
             self._params.read(lambda name: params.get_number(f"EK3_{renamed.get(name, name)}"))
 
-    # What is handed in
+    # Inputs
 
     def set_vehicle(
         self,
@@ -106,7 +114,7 @@ class Cores:
         gps: GpsSample | None,
         ranges: RangeState | None,
     ) -> None:
-        """Give the filters what the vehicle and its slow sensors say, before they are run.
+        """Set the state of the vehicle and the data of slow sensors, before the filters run.
 
         Args:
             state: of which arming and home count.
@@ -123,31 +131,35 @@ class Cores:
             inputs.armed = state.armed
             inputs.takeoff_expected, inputs.touchdown_expected = takeoff_expected, touchdown_expected
             inputs.home_lat, inputs.has_compass = home_lat, has_compass
-            if self._is_news("gps", core, gps, place):
+            if self._has_changed("gps", core, gps, place):
                 inputs.set_gps(None if gps is None else self._gps(accel, gps, place))
-            if self._is_news("ranges", core, ranges, place):
+            if self._has_changed("ranges", core, ranges, place):
                 inputs.set_ranges(None if ranges is None else self._ranges(accel, ranges, place))
-            if self._is_news("lever_arm", core, lever_arm, place):
+            if self._has_changed("lever_arm", core, lever_arm, place):
                 inputs.set_lever_arm(self._levers(accel, lever_arm, place) if self._has_camera else lever_arm)
 
     def set_sensors(self, sensors: Sensors) -> None:
-        """Give the filters what barometer and compass say, and which IMUs may be used."""
+        """Set the data of barometer and compass, and which IMUs may be used."""
         own = self._has_own_compass()
         for core in self.lanes.cores:
-            if self._is_news("baro", core, sensors.baro):
+            if self._has_changed("baro", core, sensors.baro):
                 core.inputs.set_baro(*(sensors.baro or (-1, 0.0)))
-            if self._is_news("mag", core, sensors.mag, own):
+            if self._has_changed("mag", core, sensors.mag, own):
                 core.inputs.set_compasses(_compasses_of(sensors, core.number if own else None))
-            if self._is_news("declination", core, sensors.declination):
+            if self._has_changed("declination", core, sensors.declination):
                 core.inputs.set_declination(sensors.declination)
         for imu, reading in zip(self._imus.imus, sensors.imus or (ImuReading(sensors.delta),), strict=False):
             imu.has_data, imu.has_gyro, imu.has_accel = True, reading.has_gyro, reading.has_accel
         self._imus.first_gyro, self._imus.first_accel = first_usable(sensors.imus)
 
-    def _is_news(self, name: str, core: Core, *given: object) -> bool:
-        """Return whether a core has been given something else before; what is given is replaced, never changed."""
+    def _has_changed(self, name: str, core: Core, *given: object) -> bool:
+        """Return whether an input differs from the one that a core was given last.
+
+        Sources replace a solution, a reading or a field by a new object when it changes, and never change the object
+        itself. The same object therefore is the same input.
+        """
         before = self._given.get((name, core.number))
-        if before is not None and all(map(_is_same, before, given)):
+        if before is not None and all(map(_is_unchanged, before, given)):
             return False
         self._given[name, core.number] = given
         return True
@@ -160,10 +172,10 @@ class Cores:
         """Return the place of a filter's IMU as counted from the first IMU, m, body (FRD)."""
         return self._places()[self._imus.accel_of(self._imu_of_core[lane])] if self._differ else _HERE
 
-    # What comes of it
+    # Outputs
 
-    def tell_texts(self) -> None:
-        """Send what the filters have said, all lines of a filter for each core that it stands for."""
+    def send_texts(self) -> None:
+        """Send the texts of the filters, all lines of a filter for each core that it stands for."""
         texts = self.lanes.texts
         while texts:
             number, lines = texts[0].core, []
@@ -175,26 +187,26 @@ class Cores:
                     self._texts.send_text(severity, name + words)
 
     def _names_of(self, number: int) -> list[str]:
-        """Return how the cores are called that a filter stands for, by the number of the first; nothing for all."""
+        """Return the names of the cores that a filter stands for, by the number of the first; "" for all."""
         groups = [group for group in self._groups if group[0] == number]
         return [f"EKF3 IMU{self._imu_of_core[core]} " for core in groups[0]] if groups else [""]
 
     def log_pass(self, now_us: int) -> None:
-        """Log what the filters write by themselves after a pass."""
+        """Log the records that the filters write after a pass."""
         for core, log in zip(self.lanes.cores, self._logs, strict=True):
             log.log_pass(core, now_us)
 
     def log_estimates(self, now_us: int) -> None:
-        """Log what they say at the moment."""
+        """Log the present estimates."""
         for index, log in enumerate(self._logs):
             log.write_streaming(report_of(self.lanes, index), now_us)
 
     def report(self, core: Core) -> CoreReport:
-        """Return what a filter says at the moment."""
+        """Return the present report of a filter."""
         return report_of(self.lanes, self.lanes.cores.index(core))
 
     def disagreement(self, *, checks_yaw: bool) -> str | None:
-        """Return by what the attitude of a core differs from the primary one's, None while all agree.
+        """Return in words how the attitude of a core differs from that of the primary one, None while all agree.
 
         Source: AP_AHRS::attitudes_consistent.
         """
@@ -209,12 +221,14 @@ class Cores:
         return None
 
 
-def _is_same(before: object, given: object) -> bool:
-    """Return whether what is given is the same object as before, or a number or place that is equal."""
-    return before is given or (isinstance(given, float | tuple) and not _holds_array(given) and before == given)
+def _is_unchanged(before: object, given: object) -> bool:
+    """Return whether an input is the same object as before, or an equal number or tuple of numbers."""
+    return before is given or (
+        isinstance(given, float | tuple) and not _has_other_than_numbers(given) and before == given
+    )
 
 
-def _holds_array(given: object) -> bool:
+def _has_other_than_numbers(given: object) -> bool:
     return isinstance(given, tuple) and not all(isinstance(part, float | int) for part in given)
 
 
@@ -230,7 +244,7 @@ def _places(params: ParamTable) -> list[Three]:
 
 
 def _compasses_of(sensors: Sensors, own: int | None) -> Compasses:
-    """Return what the compasses say, all the same; ``own`` is the number of the core's by EK3_AFFINITY."""
+    """Return the data of the compasses, all alike; ``own`` is the number of the core's own by EK3_AFFINITY."""
     if sensors.mag is None:
         return Compasses([])
     time_us, field = sensors.mag

@@ -25,8 +25,8 @@ class VehicleState:
         home: None while unset.
         expected: whether a take-off is expected, and whether a touchdown is.
         gps: the newest solution of the GPS; None without a GPS.
-        gps_lag_s: how late the GPS is said to be, s.
-        ranges: what the range finders say, the same until that changes; None without any.
+        gps_lag_s: the lag of the GPS by its driver, s.
+        ranges: those of the range finders, the same object until they change; None without range finders.
     """
 
     camera: VisualOdomFrame = NO_CAMERA

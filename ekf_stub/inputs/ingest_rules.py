@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What becomes of a sample that the driver hands to the estimator, and the rule that decides it.
 
-The firmware says nothing of any of this. Rules of the door are exact. What happens to a sample behind it depends on the
-instant at which the horizon reaches it, which is modelled: these codes begin with ``model_``.
+The firmware reports none of this. Rules by which a sample is refused at once are exact. What happens to it later
+depends on the instant at which the horizon reaches it, which is modelled: these codes begin with ``model_``.
 """
 
 from typing import Final, NamedTuple

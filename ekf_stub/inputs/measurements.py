@@ -41,7 +41,7 @@ def numbers_of(delta: InertialDelta) -> list[float]:
 
 
 class ImuReading(NamedTuple):
-    """What an IMU says in a pass: its data, and whether gyro and accelerometer may be used."""
+    """The data of an IMU in a pass, and whether gyro and accelerometer may be used."""
 
     delta: InertialDelta
     has_gyro: bool = True
@@ -97,7 +97,7 @@ class FlowMeasurement(NamedTuple):
 
     Attributes:
         quality: 0..255; 0 is unusable.
-        flow: by what it sees.
+        flow: by its camera.
         gyro: by its own gyro.
         offset: its place on the vehicle or from the IMU, m, body (FRD).
     """
@@ -119,26 +119,30 @@ def from_imu(place_frd: Three, imu_frd: Three) -> Three:
     return x, y, z
 
 
-def gps_seen_from(solution: GpsSample, imu_frd: Three) -> GpsSample:
+def gps_counted_from(solution: GpsSample, imu_frd: Three) -> GpsSample:
     """Return a solution with its antenna's place as counted from an IMU, which is at a place in m, body (FRD)."""
     antenna = from_imu(solution.antenna, imu_frd)
     return solution if antenna == solution.antenna else replace(solution, antenna=antenna)
 
 
-class Moved(Generic[T]):
-    """What has a place, as ``move`` counts it from each IMU: the same until it or the IMU's place changes."""
+class PlaceCache(Generic[T]):
+    """Measurements with their places counted from IMUs by ``move``, computed once.
+
+    A measurement is replaced by a new object when it changes, and never changed itself. The result is the same object
+    until then, or until the place of the IMU changes.
+    """
 
     def __init__(self, move: Callable[[T, Three], T]) -> None:
         self._move = move
         self._known: dict[int, tuple[T, Three, T]] = {}
 
-    def __call__(self, imu: int, said: T, imu_frd: Three) -> T:
-        """Return it as counted from an IMU, by its number and its place in m, body (FRD)."""
+    def __call__(self, imu: int, measured: T, imu_frd: Three) -> T:
+        """Return a measurement with places from an IMU, by the IMU's number and place in m, body (FRD)."""
         if imu_frd == _HERE:
-            return said
+            return measured
         known = self._known.get(imu)
-        if known is None or known[0] is not said or known[1] != imu_frd:
-            known = self._known[imu] = said, imu_frd, self._move(said, imu_frd)
+        if known is None or known[0] is not measured or known[1] != imu_frd:
+            known = self._known[imu] = measured, imu_frd, self._move(measured, imu_frd)
         return known[2]
 
 
@@ -177,7 +181,7 @@ class RangeState(NamedTuple):
     ground_clearance: float = 0.0
     max_distance: float = 0.0
 
-    def seen_from(self, imu_frd: Three) -> "RangeState":
+    def counted_from(self, imu_frd: Three) -> "RangeState":
         """Return them with their places as counted from an IMU, which is at a place in m, body (FRD)."""
         finders = (finder._replace(place_frd=from_imu(finder.place_frd, imu_frd)) for finder in self.finders)
         return self._replace(finders=tuple(finders))

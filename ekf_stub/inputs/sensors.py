@@ -14,15 +14,15 @@ from ekf_stub.inputs.measurements import Array, GpsSample, ImuReading, InertialD
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """What the sensors say in a pass of the main loop; None where there is no such sensor.
+    """The data of the sensors in a pass of the main loop; None for a sensor that is missing.
 
     Attributes:
         delta: inertial data since the last pass; exact in single precision, as the firmware's and a log's are.
-            All IMUs say so, unless ``imus`` says otherwise.
+            All IMUs have these data, unless ``imus`` has others.
         baro: time of the last reading in ms since boot, and height in m; exact in single precision.
         mag: time of the last reading in us since boot, and the field in mGauss, body (FRD).
         declination: of the magnetic field, rad.
-        imus: what each of several IMUs says that differ, the first one ``delta``; from the first pass on, or never.
+        imus: the data of each of several IMUs that differ, the first one's ``delta``; from the first pass on, or never.
     """
 
     delta: InertialDelta
@@ -40,21 +40,21 @@ class SensorSource:
 
     Attributes:
         has_recorded_heights: its barometer was set to zero as the recorded vehicle did so; it is not to be set again.
-        follows_poses: it wants the poses that external navigation gives (``take_pose``).
+        follows_poses: it follows the poses of external navigation (``take_pose``).
     """
 
     has_recorded_heights = False
     follows_poses = False
 
     def sense(self, now_us: int) -> Sensors | None:
-        """Return what is there at a time since boot, or None while there are no new inertial data.
+        """Return the data at a time since boot, or None while there are no new inertial data.
 
         Called once a pass of the main loop, with times that grow. Without data the filter skips the frame.
         """
         return None
 
     def ahead(self, times_us: range) -> Array:
-        """Return what the next passes get, as far as that is sound inertial data and else what the last one got.
+        """Return the inertial data of the next passes, as far as they are sound and nothing else changes.
 
         Args:
             times_us: of the passes.
@@ -66,13 +66,13 @@ class SensorSource:
         return _NOTHING_AHEAD
 
     def pass_over(self, times_us: range) -> None:
-        """Leave out passes that got what ``ahead`` had said."""
+        """Skip passes that got the data of ``ahead``."""
 
     def set_armed(self, armed: bool) -> None:
-        """Hear, before each pass, whether the vehicle is armed."""
+        """Set whether the vehicle is armed; called before each pass."""
 
     def is_at_rest(self, until_us: int) -> bool:
-        """Return whether the vehicle stands still until a time since boot unless it is told otherwise.
+        """Return whether the vehicle stands still until a time since boot, as far as is known now.
 
         If so, passes of the main loop may be left out until then.
         """
@@ -91,7 +91,7 @@ class SensorSource:
         return None
 
     def take_pose(self, pos_ned: Vector3f, quat: Quaternion, observed_ms: int, is_reset: bool) -> None:
-        """Hear of a pose that external navigation gives.
+        """Take a pose of external navigation.
 
         Args:
             pos_ned: the IMU's place, m.

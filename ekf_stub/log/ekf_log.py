@@ -110,7 +110,7 @@ class EkfLog:
     def _further_records(
         self, report: CoreReport, now_ms: int, *, of_primary: bool
     ) -> list[tuple[LogStructure, Values, bool]]:
-        """Return what is to be written for a core after XKF4, and what of it for the primary one alone."""
+        """Return the records of a core after XKF4, and which of them only the primary one has."""
         xkf1, xkf2, xkf3 = _xkf1_to_3(report)
         records = [
             (XKF1, xkf1, False),

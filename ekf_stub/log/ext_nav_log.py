@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Logs what comes to the estimator from outside, before it decides (AP_DAL/AP_DAL.cpp, AP_DAL_VisualOdom.cpp)."""
+"""Logs the inputs of the estimator from outside, before it judges them (AP_DAL/AP_DAL.cpp, AP_DAL_VisualOdom.cpp)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ _UNFILLED: Final = (np.float32(0),) * 3
 _NO_HEIGHT: Final = 0.0  # FLOW_HGT_OVR, which rovers have
 
 _Values = Callable[..., tuple[LogValue, ...]]
-"""Makes the values of a record of what was handed in."""
+"""Returns the values of a record for an input."""
 
 
 @dataclass(frozen=True, slots=True)
 class VisualOdomFrame:
-    """What the estimator knows of the camera in one frame: position (m, FRD), delay (ms), health, whether enabled."""
+    """The camera in one frame of the estimator: position (m, FRD), delay (ms), health, whether enabled."""
 
     pos_offset: Vector3f
     delay_ms: int

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Logs all that the estimator is given, so that its run can be repeated from the log.
+"""Logs all inputs of the estimator, so that its run can be repeated from the log.
 
 As recorded logs of the reference have it:
 
@@ -13,7 +13,7 @@ As recorded logs of the reference have it:
 - RFRF.FTypes is 5 up to and including the frame in which EKF3 gets a state, 13 in the next, and 9 from then on: EKF2
   (1), which is built in but not enabled, is tried every time. Writing estimates adds 32; where a call has ended the
   frame before, that gets an RFRF of its own. RFRF.Slow is always 0.
-- EKF2 is told of an origin again in the frame after that in which it was set.
+- RSO2 of an origin is repeated in the frame after that in which it was set.
 - Of sensors that the vehicle lacks only GPS has records, once in a log; airspeed, range finders and beacons have none.
 
 Source: AP_DAL/AP_DAL.cpp, AP_DAL_InertialSensor.cpp, AP_DAL_Baro.cpp, AP_DAL_Compass.cpp,
@@ -118,7 +118,7 @@ class VehicleFrame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SensorSet:
-    """How many sensors of a kind there are; those of a kind all say the same, except IMUs that differ.
+    """How many sensors of a kind there are; those of a kind have the same data, except IMUs that differ.
 
     Attributes:
         imus: 1..3.
@@ -144,7 +144,7 @@ class ReplayLog(ExtNavLog):
 
     Args:
         enabled: says whether replay records are wanted now: LOG_REPLAY is set, and a log is open.
-        fitted: how many sensors there are; two IMUs, two barometers and three compasses unless told otherwise.
+        fitted: how many sensors there are; two IMUs, two barometers and three compasses by default.
         event_order: the records of an event that both filters know, in their order.
     """
 
@@ -179,7 +179,7 @@ class ReplayLog(ExtNavLog):
     # A frame
 
     def start_frame(self, now_us: int, flying_ms: int) -> bool:
-        """Begin a frame at ``now_us`` since boot, ``flying_ms`` in flight; say whether its inputs are wanted."""
+        """Begin a frame at ``now_us`` since boot, ``flying_ms`` in flight; return whether its inputs are wanted."""
         if not self._enabled():
             self._is_wanted = False
             self._done = 0
@@ -199,7 +199,7 @@ class ReplayLog(ExtNavLog):
             self._logger.write(structure, values)
 
     def _write_inputs(self, structure: LogStructure, values: Sequence[LogValue], count: int) -> None:
-        """Write an input of several sensors, which say the same; the number of the sensor comes after the values."""
+        """Write an input of several sensors with the same data; the number of the sensor comes after the values."""
         if self._has_changed(structure, (*values, 0), 0):
             for instance in range(count):
                 self._logger.write(structure, (*values, instance))
@@ -221,7 +221,7 @@ class ReplayLog(ExtNavLog):
             self._write_input(RFRN, _vehicle_values(vehicle))
 
     def sensors(self, sensors: Sensors, gps: GpsSample | None = None, gps_lag_s: float = 0.0) -> None:
-        """Log what the sensors say in this frame; ``gps_lag_s`` is how late a GPS that says nothing would be."""
+        """Log the sensors in this frame; ``gps_lag_s`` is the lag of a GPS without a solution."""
         if not self._is_wanted:
             return
         self._write_inertial(sensors)
@@ -271,7 +271,7 @@ class ReplayLog(ExtNavLog):
             self._write_inputs(RMGI, (u32(mag[0]), *self._fitted.compass_offsets, *mag[1].tolist(), 1, 1, 1), count)
 
     def ranges(self, ranges: RangeState | None) -> None:
-        """Log what the range finders say in this frame, if there are any."""
+        """Log the range finders in this frame, if there are any."""
         if not self._is_wanted or ranges is None or (ranges is self._ranges and not self._is_first):
             return
         self._ranges = ranges
@@ -310,7 +310,7 @@ class ReplayLog(ExtNavLog):
             self._write(structure, (number,))
 
     def origin(self, place: Location) -> None:
-        """Log that somebody sets the estimator's origin, whether or not it takes it."""
+        """Log a call that sets the origin of the estimator, whether or not it takes effect."""
         self._origin = _place_values(place)
         self._write(RSO2, self._origin)
         self._write(RSO3, self._origin)

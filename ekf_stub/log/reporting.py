@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a core says of itself at a moment (AP_NavEKF3/AP_NavEKF3_Logging.cpp, AP_NavEKF3_Outputs.cpp)."""
+"""The report of a core at a moment (AP_NavEKF3/AP_NavEKF3_Logging.cpp, AP_NavEKF3_Outputs.cpp)."""
 
 import math
 from typing import Final
@@ -18,14 +18,14 @@ from ekf_stub.reports import (
 )
 
 UNINITIALISED: Final = CoreReport()
-"""What a core says before it has a state."""
+"""The report of a core before it has a state."""
 
 _WIND: Final = (0.0, 0.0)  # of the firmware's states, and not estimated
 _BAD_QUAT, _BAD_VEL = 1 << 0, 1 << 1
 
 
 def report_of(lanes: Lanes, index: int) -> CoreReport:
-    """Return what the core of an index says as of the last pass."""
+    """Return the report of the core of an index after the last pass."""
     core = lanes.cores[index]
     if not core.initialised:
         return UNINITIALISED
@@ -73,7 +73,7 @@ def report_of(lanes: Lanes, index: int) -> CoreReport:
 
 
 def _stillness_of(core: Core) -> StillnessReport | None:
-    """Return what the test for standing still found; None while it does not run."""
+    """Return the result of the test for standing still; None while it does not run."""
     test = core.stillness
     if not test.is_tested:
         return None

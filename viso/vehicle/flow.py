@@ -85,7 +85,7 @@ class MavlinkFlow:
         return self._has_driver and self._healthy
 
     def take(self, packet: OPTICAL_FLOW) -> bool:
-        """Add flow to the sums; say whether there is a sensor that takes it.
+        """Add flow to the sums; return whether there is a sensor that takes it.
 
         Source: AP_OpticalFlow::handle_msg, AP_OpticalFlow_MAV::handle_msg.
         """

@@ -39,7 +39,7 @@ _ABSENT: Final = Failure(errno.ENOENT)
 
 
 class BytesFile:
-    """Bytes in memory, open for reading; ``size`` is what clients are told."""
+    """Bytes in memory, open for reading; ``size`` is the size that clients get."""
 
     def __init__(self, data: bytes, size: int) -> None:
         self._data = data
@@ -106,14 +106,14 @@ class ParamUpload:
         return None
 
     def close(self) -> None:
-        """Take over the parameters, if the file is in order (AP_Filesystem_Param.cpp, finish_upload)."""
+        """Hand over the parameters, if the file is valid (AP_Filesystem_Param.cpp, finish_upload)."""
         uploaded = parse_param_pck_upload(bytes(self._data))
         if uploaded is not None:
             self._on_upload(uploaded)
 
 
 class DiskFile:
-    """A regular file on disk, open for reading; ``size`` is what clients are told."""
+    """A regular file on disk, open for reading; ``size`` is the size that clients get."""
 
     def __init__(self, descriptor: int, size: int) -> None:
         self._descriptor = descriptor
@@ -155,7 +155,7 @@ _BITS_PER_BYTE: Final = 10
 
 @dataclass(frozen=True, slots=True)
 class UartCounts:
-    """A link: bytes sent and received since boot, whether somebody is there, and its name."""
+    """A link: bytes sent and received since boot, whether a client is connected, and its name."""
 
     tx_bytes: int
     rx_bytes: int
@@ -177,7 +177,7 @@ class UartsText:
         now_ms = self._now_us() // 1000
         elapsed_ms = max(now_ms - self._last_ms, 1)
         counts = list(self._read_counts())
-        lines = [self._line(index, one, elapsed_ms) for index, one in enumerate(counts)]
+        lines = [self._line(index, count, elapsed_ms) for index, count in enumerate(counts)]
         self._last_ms, self._last = now_ms, counts
         return "UARTV1\n" + "".join(lines)
 
@@ -194,14 +194,14 @@ LOG_FOLDERS: Final = ("APM/LOGS", "logs")
 
 PARAM_PCK: Final = "param.pck"
 SYSTEM_FILE_SIZE: Final = 100_000
-"""What the firmware says of the size of every report, which it makes only when it is opened."""
+"""The size of every report in listings; the firmware makes a report only when it is opened."""
 
 _LOG_NAME: Final = re.compile(rf"[0-9]{{8}}\.BIN|{re.escape(LASTLOG_NAME)}")
 _READ_ONLY: Final = Failure(errno.EROFS)
 
 
 class _LogFolder:
-    """The logs in a directory; nothing else that may be there is seen."""
+    """The logs in a directory; other files are not shown."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory

@@ -42,7 +42,7 @@ _UNIX_TIME_OF_GPS_WEEK_0_MS: Final = 315_964_800_000 - 18_000  # with the leap s
 
 
 class MavlinkGps:
-    """The GPS: finds its driver, watches how regularly it speaks, logs and tells the time.
+    """The GPS: finds its driver, checks how regular its solutions are, logs them and sets the time of day.
 
     There is a driver for GPS1_TYPE 14 only; whatever else that asks for has no receiver attached. ``set_utc_us`` takes
     the time of day, since 1970.
@@ -77,7 +77,7 @@ class MavlinkGps:
         return self._driver is not None and self._type() != GPS_TYPE_NONE
 
     def take(self, packet: GPS_INPUT) -> bool:
-        """Give a message to the driver; say whether there is one (AP_GPS::handle_msg)."""
+        """Give a message to the driver; return whether there is one (AP_GPS::handle_msg)."""
         if self._driver is None or self._type() == GPS_TYPE_NONE:
             return False
         self._driver.handle(packet, self._state, self._clock.millis())
@@ -135,7 +135,7 @@ class MavlinkGps:
             self._update_instance(self._driver)
 
     def idle_until_us(self) -> int:
-        """Return before when ``update`` has nothing to do as things are; 0 if the next one may."""
+        """Return until when ``update`` has nothing to do, us since boot; 0 if it may have at once."""
         if self._type() == GPS_TYPE_NONE:
             return NEVER if self._state.status == NO_GPS else 0
         if self._driver is None:
@@ -163,13 +163,13 @@ class MavlinkGps:
         elif u32(now_ms - self._last_message_ms) > GPS_TIMEOUT_MS:
             self._time_out(now_ms)
         else:
-            self._tell_time()
+            self._set_time_of_day()
             return
         self._sample = None
         self._watch_rate()
         if self._params.get_int("LOG_BITMASK") & MASK_LOG_GPS:
             self._log()
-        self._tell_time()
+        self._set_time_of_day()
 
     def _take_news(self, now_ms: int) -> None:
         state = self._state
@@ -201,7 +201,7 @@ class MavlinkGps:
             average_ms = f32(f32(0.98) * self._average_delta_ms + f32(0.02) * delta_ms)
             self._average_delta_ms = average_ms if self._average_delta_ms > 0 else delta_ms
 
-    def _tell_time(self) -> None:
+    def _set_time_of_day(self) -> None:
         state = self._state
         if state.status >= FIX_3D and state.time_week:
             fix_ms = _UNIX_TIME_OF_GPS_WEEK_0_MS + state.time_week * MS_PER_WEEK + state.time_week_ms

@@ -66,7 +66,7 @@ class GpsState:
 
 
 class MavlinkGpsDriver:
-    """The driver of GPS1_TYPE 14: takes messages, and tells once that there are new ones.
+    """The driver of GPS1_TYPE 14: takes messages, and reports once that there are new ones.
 
     ``has_news`` says whether there are some of which ``read`` has not told.
     """

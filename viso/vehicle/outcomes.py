@@ -113,8 +113,8 @@ def as_dict(outcome: FilterOutcome) -> dict[str, object]:
 
 def final_counts(counts: FilterCounts) -> list[tuple[str, Rule, int]]:
     """Return kind, rule and count of every final decision, in order of kind and code."""
-    known = ((kind, RULES_BY_CODE[code], count) for (kind, code), count in sorted(counts.items()))
-    return [(kind, rule, count) for kind, rule, count in known if is_final(rule) and count]
+    rows = ((kind, RULES_BY_CODE[code], count) for (kind, code), count in sorted(counts.items()))
+    return [(kind, rule, count) for kind, rule, count in rows if is_final(rule) and count]
 
 
 UNITS: Final = {"pose": "m", "height": "m", "yaw": "deg", "velocity": "m/s", "odometry": "m/s"}
@@ -139,7 +139,7 @@ class AidingSpan(NamedTuple):
 
 @dataclass(slots=True)
 class Innovations:
-    """What is known of a kind of sample: how many were tested and rejected, and how far off they were."""
+    """The innovations of a kind of sample: how many were tested and rejected, and how large they were."""
 
     tested: int = 0
     rejected: int = 0
@@ -164,14 +164,14 @@ class Innovations:
 
 
 class FilterWatch:
-    """Follows a vehicle's filter; all that it says is a model's.
+    """Follows a vehicle's filter, which is a model.
 
     Args:
         vehicle: fresh, and with a filter.
 
     Attributes:
-        listeners: hear of each sample.
-        lookers: are called whenever it looks how the filter navigates.
+        listeners: called with each sample and its outcome.
+        lookers: called at each ``look``.
         innovations: by kind, of the samples that were tested.
 
     Raises:
@@ -200,7 +200,7 @@ class FilterWatch:
             listener(test)
 
     def look(self) -> None:
-        """Look how the filter navigates; to be called after each pass of the main loop."""
+        """Note how the filter navigates; called after each pass of the main loop."""
         mode = self.mode()
         if mode is not self._modes[-1][1]:
             self._modes.append((self._clock.micros64(), mode))
@@ -208,7 +208,7 @@ class FilterWatch:
             look()
 
     def end(self) -> None:
-        """Let the filter run no further, and watch no more."""
+        """Stop the filter, and the watch."""
         self._ahrs.stop()
         self._end_us = self._clock.micros64()
 
@@ -259,7 +259,7 @@ class SampleFates:
         self._waiting: defaultdict[tuple[str, int], list[HandedSample]] = defaultdict(list)
 
     def take(self, test: SampleTest) -> None:
-        """Take what the filter tells."""
+        """Take an outcome of the filter."""
         kind, rule, observed_ms, *_ = test.outcome
         if not is_final(rule):
             sample = HandedSample(kind, observed_ms)
@@ -283,7 +283,7 @@ class SampleFates:
         return handed
 
     def forget(self, samples: Iterable[HandedSample]) -> None:
-        """Wait no longer for the fates of samples."""
+        """Stop waiting for the fates of samples."""
         for sample in samples:
             waiting = self._waiting.get((sample.kind, sample.observed_ms), [])
             if sample in waiting:

@@ -50,7 +50,7 @@ class RangeReport:
 
 
 class _Setting(NamedTuple):
-    """What parameters say of a range finder: metres; its place in body (FRD)."""
+    """The parameters of a range finder: metres; its place in body (FRD)."""
 
     type: int
     orientation: int
@@ -100,7 +100,7 @@ class _Finder:
         return self._status not in _HAVE_NO_DATA
 
     def take(self, packet: DISTANCE_SENSOR, now_ms: int) -> bool:
-        """Hear of a range; say whether it is measured where this one looks."""
+        """Take a range; return whether it is measured in the direction of this range finder."""
         if not self.is_there or packet.orientation != self.setting().orientation:
             return False
         self._heard, self._heard_ms = packet, now_ms
@@ -167,7 +167,7 @@ class MavlinkRanges:
         return next(good, down[0] if down else None)
 
     def take(self, packet: DISTANCE_SENSOR) -> bool:
-        """Hear of a range; say whether a range finder looks where it is measured (RangeFinder::handle_msg)."""
+        """Take a range; return whether a range finder has its direction (RangeFinder::handle_msg)."""
         now_ms = self._clock.millis()
         takers = [finder for finder in self._finders.values() if finder.take(packet, now_ms)]
         return bool(takers)
@@ -191,7 +191,7 @@ class MavlinkRanges:
                 self._logger.write(RFND, (self._clock.micros64(), number - 1, *reading))
 
     def state(self) -> RangeState | None:
-        """Return what the estimator is told, the same until that changes; None without range finders."""
+        """Return the ranges for the estimator, the same object until they change; None without range finders."""
         return self._state
 
     def _find_state(self) -> RangeState | None:
@@ -227,7 +227,7 @@ class MavlinkRanges:
         return None if down is None else float(down.distance)
 
     def reports(self) -> list[RangeReport]:
-        """Return what each that has data says."""
+        """Return the data of each range finder that has any."""
         return [_report(number, finder) for number, finder in self._present().items() if finder.has_data]
 
     def failure(self) -> str | None:

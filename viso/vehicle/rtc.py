@@ -11,7 +11,7 @@ from ap_core.clock import Clock
 from ap_core.param import ParamTable
 
 OLDEST_VALID_UTC_US: Final = 1_640_995_200_000_000
-"""2022-01-01; no clock that is right says less."""
+"""2022-01-01: an earlier time of day is wrong."""
 
 
 class RtcSource(IntEnum):
@@ -42,7 +42,7 @@ class Rtc:
         self.set_utc_us(utc_us, RtcSource.SYSTEM_TIME)
 
     def set_utc_us(self, utc_us: int, source: RtcSource) -> None:
-        """Take a time of day, unless its source is not allowed or a better one was there, or it would turn time back.
+        """Take a time of day, unless its source is not allowed or a better one was there, or time would go back.
 
         Source: AP_RTC::set_utc_usec.
         """

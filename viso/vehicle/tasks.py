@@ -59,7 +59,7 @@ class Task:
 
 
 def next_due_us(tasks: Iterable[Task]) -> int:
-    """Return when the first of some tasks has something to do, as things are."""
+    """Return when the first of some tasks is due, as far as is known now."""
     due_us = NEVER
     for task in tasks:
         if task.next_us < due_us and (until_us := task.idle_until_us()) < due_us:

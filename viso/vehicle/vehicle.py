@@ -236,7 +236,7 @@ class Vehicle:
         state.ranges = self.ranges.state()
 
     def _make_camera_frames(self) -> tuple[VisualOdomFrame, VisualOdomFrame]:
-        """Return what the estimator is told of the camera while it is not healthy, and while it is."""
+        """Return the camera for the estimator while it is not healthy, and while it is."""
         camera = self.visual_odom
         fixed = camera.get_pos_offset(), camera.get_delay_ms()
         return VisualOdomFrame(*fixed, False, camera.enabled()), VisualOdomFrame(*fixed, True, camera.enabled())
@@ -304,7 +304,7 @@ class Vehicle:
         return Vicon(self.source.airframe, self.params.group("SIM_VICON_"))
 
     def _see(self) -> None:
-        """Let the simulator's own camera look, on the link that comes after those of clients."""
+        """Send the messages of the simulator's own camera, on the link after those of clients."""
         vicon, channel, now_us = self._vicon, self._vicon_channel, self.clock.micros64()
         if vicon is None:
             return
@@ -402,14 +402,14 @@ class Vehicle:
             self.log.event(EV_SOURCE_SET_1 + index)
 
     def set_origin(self, location: Location) -> bool:
-        """Set the EKF origin, once; say whether it was set, as every core does in a text."""
+        """Set the EKF origin, once; return whether it was set, as every core does in a text."""
         if not self.ahrs.set_origin(location):
             return False
         self.log.place(ORGN_EKF, location)
         return True
 
     def last_location(self) -> Location | None:
-        """Return where the vehicle is, or where it was when somebody last asked and it was known."""
+        """Return the position of the vehicle, or the last one that was known at a call."""
         # FIRMWARE PARITY: each link remembers what it told itself.
         self._last_location = self.ahrs.get_location() or self._last_location
         return self._last_location

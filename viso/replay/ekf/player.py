@@ -24,7 +24,7 @@ from ekf_stub.core.core import Core
 from ekf_stub.core.imus import Imus
 from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.params import EkfSources, Params
-from ekf_stub.inputs.measurements import Array, Moved, RangeState, from_imu, gps_seen_from
+from ekf_stub.inputs.measurements import Array, PlaceCache, RangeState, from_imu, gps_counted_from
 from ekf_stub.log.replay_log import (
     ARMED,
     CHECK_LANE_SWITCH,
@@ -100,8 +100,8 @@ class EkfPlayer:
         self.next_frame = 0
         self._changes_of_use = frames.changes_of_use()
         self._inputs_changed = self._params_changed = True
-        self._ranges = Moved(RangeState.seen_from)
-        self._gps = Moved(gps_seen_from)
+        self._ranges = PlaceCache(RangeState.counted_from)
+        self._gps = PlaceCache(gps_counted_from)
         self._sources = EkfSources(lambda name: int(self.param(f"EK3_{name}")))
         self._handlers: dict[str, Callable[[Any], None]] = {
             "PARM": self._take_parm,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""When checks run and speak, and what arming and disarming log and say (AP_Arming/AP_Arming.cpp)."""
+"""When checks run and send texts, and what arming and disarming log and send (AP_Arming/AP_Arming.cpp)."""
 
 from collections.abc import Callable, Sequence
 from enum import IntEnum
@@ -37,7 +37,7 @@ class ArmMethod(IntEnum):
 
 
 class Check(NamedTuple):
-    """One check, and what says its failure or None.
+    """A check: a function that returns its failure, or None.
 
     ``bit`` is its bit in ARMING_CHECK, and in ARMING_SKIPCHK; 0 for a check that is always made, ANY_CHECK for one that
     is made unless all are switched off.
@@ -66,7 +66,7 @@ class CheckLists(NamedTuple):
 
 
 class Arming:
-    """Runs the checks in order, tells their failures, arms and disarms; ``params`` is the ARMING_ group.
+    """Runs the checks in order, sends their failures, arms and disarms; ``params`` is the ARMING_ group.
 
     ``passed`` says whether the pre-arm checks passed when they were made the last time.
     """
@@ -116,7 +116,7 @@ class Arming:
         self.pre_arm_checks(display and not self._option(OPTION_DISABLE_PREARM_DISPLAY))
 
     def pre_arm_checks(self, display: bool) -> bool:
-        """Run all checks unless armed, as a rule even after one failed; tell failures when asked to."""
+        """Run all checks unless armed, as a rule even after one failed; send failures if ``display``."""
         self.passed = self.armed or self._pre_arm("PreArm", display)
         return self.passed
 
@@ -141,7 +141,7 @@ class Arming:
         return not any(failures)
 
     def arm(self, do_checks: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
-        """Try to arm and tell failures; without checks the mandatory ones remain (AP_Arming::arm).
+        """Try to arm and send failures; without checks the mandatory ones remain (AP_Arming::arm).
 
         Return whether the vehicle is armed by this; False when it was armed already.
         """
@@ -151,13 +151,13 @@ class Arming:
         return True
 
     def become_armed(self, *, forced: bool, method: ArmMethod = ArmMethod.MAVLINK) -> None:
-        """Arm, whatever checks would say."""
+        """Arm without checks."""
         self.armed = True
         self._log.arming(armed=True, checks=self.enabled_checks(), forced=forced, method=method)
         self._log.event(EV_ARMED)
         if not forced and self.enabled_checks() == 0:
             self._texts.send_text(_MAV_SEVERITY_WARNING, "Warning: Arming Checks Disabled")
-        self._tell_change("Arming motors")
+        self._send_change("Arming motors")
 
     def _may_be_forced(self, do_checks: bool) -> bool:
         # When it may not, the firmware goes on to make all checks.
@@ -168,15 +168,15 @@ class Arming:
         return self.passed and all(self._run([check], "Arm", display=True) for check in self._checks.arm)
 
     def disarm(self, method: ArmMethod, *, forced: bool = False) -> bool:
-        """Disarm; say whether that changed anything."""
+        """Disarm; return whether that changed anything."""
         if not self.armed:
             return False
         self.armed = False
         self._log.arming(armed=False, checks=0, forced=forced, method=method)
         self._log.event(EV_DISARMED)
-        self._tell_change("Disarming motors")
+        self._send_change("Disarming motors")
         return True
 
-    def _tell_change(self, text: str) -> None:
+    def _send_change(self, text: str) -> None:
         if not self._option(OPTION_DISABLE_STATUSTEXT):
             self._texts.send_text(_MAV_SEVERITY_INFO, text)

@@ -31,7 +31,7 @@ LEAN_LIMIT_DEG: Final = 30.0
 
 
 class ArmingChecks:
-    """Each method looks at one thing and returns what is wrong with it, or None."""
+    """Each method checks one condition and returns the failure, or None."""
 
     def __init__(self, vehicle: "Vehicle") -> None:
         self._vehicle = vehicle
@@ -124,7 +124,7 @@ class ArmingChecks:
         return None if variance is None else f"EKF {variance} variance"
 
     def logging(self) -> str | None:
-        """Logs can be written, and nobody is downloading one (logging_checks)."""
+        """Logs can be written, and no log is being downloaded (logging_checks)."""
         if self._vehicle.logger.failure is not None:
             return "Logging failed"
         return "Downloading logs" if self._vehicle.log_transfer.is_active else None

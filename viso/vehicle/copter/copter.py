@@ -117,7 +117,7 @@ class Copter:
         self.modes.set_mode(u8(self._vehicle.params.get_int("INITIAL_MODE")), ModeReason.INITIALISED)
 
     def update(self) -> None:
-        """Hear of the estimator's jumps, set home, lift off, land; once a pass of the main loop."""
+        """Note resets of the estimator, set home, lift off, land; once a pass of the main loop."""
         self._check_ekf_reset()
         self.home.update()
         self._motors.update()
@@ -128,7 +128,7 @@ class Copter:
                 self._disarm(ArmMethod.LANDED)
 
     def idle_until_us(self) -> int:
-        """Return before when ``update`` has nothing to do as things are; 0 if the next one may."""
+        """Return until when ``update`` has nothing to do, us since boot; 0 if it may have at once."""
         if self._mode_has_changed or self._ekf_has_reset():
             return 0
         until_us = min(self.home.idle_until_us(), self._motors.idle_until_us())
@@ -141,7 +141,7 @@ class Copter:
         return ahrs.yaw_reset_ms != self._yaw_reset_ms or ahrs.primary != self._primary
 
     def _check_ekf_reset(self) -> None:
-        """Log and tell that the estimator's yaw has jumped, and by which core the vehicle flies from now on.
+        """Log and send a reset of yaw, and a change of the primary core.
 
         Source: Copter::check_ekf_reset.
         """
@@ -155,7 +155,7 @@ class Copter:
             vehicle.texts.send_text(_MAV_SEVERITY_WARNING, f"EKF primary changed:{self._primary}")
 
     def take_changed(self) -> list[str]:
-        """Return, once, the messages that tell of what has changed."""
+        """Return, once, the messages for what has changed."""
         changed = ["HOME_POSITION", "GPS_GLOBAL_ORIGIN"] if self.home.take_changed() else []
         if self._mode_has_changed:
             self._mode_has_changed = False
@@ -163,11 +163,11 @@ class Copter:
         return changed
 
     def check_estimator(self) -> None:
-        """See whether the estimator is to be trusted; ten times per second."""
+        """Check the variances of the estimator; ten times per second."""
         self._ekf_check.update()
 
     def ground_idle_until_us(self) -> int:
-        """Return before when ``expect_ground`` has nothing to do as things are; 0 if the next time it may."""
+        """Return until when ``expect_ground`` has nothing to do, us since boot; 0 if it may have at once."""
         is_told = self._vehicle.source.expected() is not None
         may_change = not is_told and self.landing.may_expect(armed=self.arming.armed)
         # Whether the estimator has a position may change in any pass.
@@ -194,7 +194,7 @@ class Copter:
     # What clients ask for
 
     def set_mode(self, number: int, reason: ModeReason = ModeReason.GCS_COMMAND) -> bool:
-        """Enter a mode on behalf of a client; say whether the vehicle is in it now. A refusal is told as a text."""
+        """Enter a mode on behalf of a client; return whether the vehicle is in it now. A refusal is sent as a text."""
         before = self.modes.current
         entered = self.modes.set_mode(number, reason)
         self._mode_has_changed |= self.modes.current is not before
@@ -225,7 +225,7 @@ class Copter:
         return self.landing.is_taking_off()
 
     def is_landing(self) -> bool:
-        """Return whether the mode brings it down; RTL does so at its end alone (Mode::is_landing)."""
+        """Return whether the mode brings it down; RTL does so at its end only (Mode::is_landing)."""
         return self.modes.current.number == ModeNumber.LAND or (self.flight is not None and self.flight.is_landing())
 
     def is_in_failsafe(self) -> bool:
@@ -233,7 +233,7 @@ class Copter:
         return self._ekf_check.in_failsafe
 
     def take_off(self, altitude_cm: float, must_navigate: bool) -> bool:
-        """Start a take-off to a height above home; say whether it was accepted (Mode::do_user_takeoff)."""
+        """Start a take-off to a height above home; return whether it was accepted (Mode::do_user_takeoff)."""
         if not self.is_armed() or altitude_cm <= self._height_above_home_cm():
             return False
         if self._vehicle.source.stands_for_ever:
@@ -250,7 +250,7 @@ class Copter:
         return 0.0 if position is None else -100 * float(position.z)
 
     def arm(self, do_checks: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
-        """Try to arm; failures are told as texts (AP_Arming_Copter::arm)."""
+        """Try to arm; failures are sent as texts (AP_Arming_Copter::arm)."""
         vehicle = self._vehicle
         if not do_checks:
             # The log that arming opens is to hold the fact; the checks would have opened it.
@@ -284,7 +284,7 @@ class Copter:
         vehicle.log_transfer.pause()
 
     def disarm(self, force: bool, method: ArmMethod = ArmMethod.MAVLINK) -> bool:
-        """Disarm, in flight only when forced; say whether that changed anything (AP_Arming_Copter::disarm)."""
+        """Disarm, in flight only when forced; return whether that changed anything (AP_Arming_Copter::disarm)."""
         if not force and not self.landing.landed:
             return False
         return self._disarm(method, forced=force)

@@ -58,7 +58,7 @@ class Home:
             self._update_field_elevation(origin)
 
     def idle_until_us(self) -> int:
-        """Return before when ``update`` has nothing to do as things are, and nobody is to be told of home; 0 if not."""
+        """Return until when ``update`` has nothing to do and home is not to be sent, us since boot; 0 if not."""
         if self._changed:
             return 0
         if self._ahrs.origin() is None or (self.place is not None and (self._has_field_elevation or self._is_armed())):
@@ -76,7 +76,7 @@ class Home:
             self.has_return_path |= self.set(Location(place.lat, place.lng, origin.alt_cm), lock=False)
 
     def set_here(self, lock: bool) -> bool:
-        """Set home to where the vehicle is; say whether that is known (Copter::set_home_to_current_location)."""
+        """Set home to where the vehicle is; return whether that is known (Copter::set_home_to_current_location)."""
         place = self._ahrs.get_location()
         if place is None or not self.set(place, lock):
             return False
@@ -84,7 +84,7 @@ class Home:
         return True
 
     def set(self, place: Location, lock: bool) -> bool:
-        """Set home; say whether it was set: there must be an origin (Copter::set_home, AP_AHRS::set_home)."""
+        """Set home; return whether it was set: there must be an origin (Copter::set_home, AP_AHRS::set_home)."""
         origin = self._ahrs.origin()
         if origin is None or place == Location(0, 0, 0) or not place.is_valid():
             return False

@@ -47,7 +47,7 @@ class Landing:
     Attributes:
         landed: whether it stands on the ground.
         expected: whether a take-off is expected, and whether a touchdown is: air under rotors misleads barometers.
-        is_told: somebody else tells when it lifts off, lands and is disarmed.
+        is_from_log: somebody else tells when it lifts off, lands and is disarmed.
         is_flown: somebody flies it.
         grounded_since_us: since when it has stood on the ground in a descent, of one that is flown; else None.
     """
@@ -69,7 +69,7 @@ class Landing:
         self._grounded_us = 0
         self.landed = True
         self.expected = False, False
-        self.is_told = vehicle.source.flight is not None and vehicle.source.flight.tells_flying
+        self.is_from_log = vehicle.source.flight is not None and vehicle.source.flight.tells_flying
         self.is_flown = vehicle.source.airframe is not None
         self.grounded_since_us: int | None = None
 
@@ -96,7 +96,7 @@ class Landing:
         return self._takeoff is not None and self._takeoff[0] is self._modes.current
 
     def take_off(self, must_navigate: bool, climb_m: float) -> bool:
-        """Start an armed vehicle's take-off by some metres; say whether the mode can (Mode::do_user_takeoff)."""
+        """Start an armed vehicle's take-off by some metres; return whether the mode can (Mode::do_user_takeoff)."""
         takeoff = self._modes.current.takeoff
         able = takeoff is UserTakeoff.ALWAYS or (takeoff is UserTakeoff.BY_PILOT and not must_navigate)
         if not self.landed or not able:
@@ -117,12 +117,12 @@ class Landing:
         return self._down_m() if self._takeoff is None else self._takeoff[1]
 
     def end_take_off(self) -> None:
-        """Be taking off no longer, as something else is asked for."""
+        """End a take-off, as another target is set."""
         self._takeoff = None
 
     def update(self) -> None:
         """Lift off, or land, of an armed vehicle; every main loop."""
-        if self.is_told:
+        if self.is_from_log:
             return
         if self._lift_off_us is not None and self._clock.micros64() >= self._lift_off_us:
             if self.is_taking_off():
@@ -146,8 +146,8 @@ class Landing:
             self._set_perhaps_landed(grounded_us >= MAYBE_US)
 
     def idle_until_us(self) -> int:
-        """Return before when ``update`` has nothing to do for an armed vehicle as things are; 0 if it may."""
-        if self.is_told:
+        """Return until when ``update`` has nothing to do for an armed vehicle, us since boot; 0 if it may at once."""
+        if self.is_from_log:
             return NEVER
         if not self.is_flown and (self._takeoff is not None or (self._modes.current.lands and not self.landed)):
             return 0
@@ -176,7 +176,7 @@ class Landing:
         self.expected = takes_off and not climbed and mode.number != ModeNumber.THROW, sinks_slowly
 
     def may_expect(self, *, armed: bool) -> bool:
-        """Return whether ``expect`` may change anything as things are."""
+        """Return whether ``expect`` may change anything now."""
         return any(self.expected) or (armed and (self.landed or self._modes.current.lands))
 
     def _set_landed(self, landed: bool) -> None:
@@ -204,7 +204,7 @@ class Landing:
         """
         now_us = self._clock.micros64()
         delay_us = self._params.get_int("DISARM_DELAY") * 1_000_000
-        idles = armed and not self.is_told and delay_us > 0 and self.landed and not self._spools_up()
+        idles = armed and not self.is_from_log and delay_us > 0 and self.landed and not self._spools_up()
         if not idles or self._modes.current.number == ModeNumber.THROW:
             self._idle_since_us = now_us
         return idles and now_us - self._idle_since_us >= delay_us
@@ -212,4 +212,4 @@ class Landing:
     def has_landed_by_itself(self) -> bool:
         """Return whether a mode that lands is done (ModeLand::run, ModeRTL::land_run)."""
         is_idle = self.landed and self._clock.micros64() >= self._motors.idle_us()
-        return is_idle and not self.is_told and self._modes.current.lands
+        return is_idle and not self.is_from_log and self._modes.current.lands

@@ -169,7 +169,7 @@ class FlightModes:
         self.reason = ModeReason.INITIALISED
 
     def set_mode(self, number: int, reason: ModeReason) -> bool:
-        """Enter a mode; say whether the vehicle is in it now. A refusal is told as a text (Copter::set_mode)."""
+        """Enter a mode; return whether the vehicle is in it now. A refusal is sent as a text (Copter::set_mode)."""
         if number == self.current.number:
             self.reason = reason
             return True

@@ -53,7 +53,7 @@ class Motors:
             self._log.event(EV_INTERLOCK_ENABLED if interlock else EV_INTERLOCK_DISABLED)
 
     def idle_until_us(self) -> int:
-        """Return before when ``update`` has nothing to do as things are; 0 if it may."""
+        """Return until when ``update`` has nothing to do, us since boot; 0 if it may have at once."""
         if not self._interlock:
             return self._turn_us
         return 0 if self._turn_us == NEVER else NEVER

@@ -112,7 +112,7 @@ LONGEST_US: Final = 100_000
 
 
 class Airframe(Moving[AirframeState]):
-    """A vehicle that moves as is demanded; it stands on the ground until somebody demands a thrust."""
+    """A vehicle that moves as is demanded; it stands on the ground until a thrust is demanded."""
 
     def __init__(self, heading_rad: float) -> None:
         super().__init__(AirframeState(rpy=(0.0, 0.0, heading_rad)))
@@ -120,7 +120,7 @@ class Airframe(Moving[AirframeState]):
         self._delta = delta_between(self.state.seen(), self.state.seen(), 1e-6 * NOMINAL_US)
 
     def demand(self, demand: Demand) -> None:
-        """Hear what is demanded from now on."""
+        """Set the demand from now on."""
         if demand != self._demand:
             self._demand = demand
             self.think_again()
@@ -143,7 +143,7 @@ class Airframe(Moving[AirframeState]):
         return self.state.is_at_rest() and not self._demand.thrust_m_s2
 
     def felt(self) -> tuple[Three, Three]:
-        """Return what ideal inertial sensors said in the last pass: m/s/s and rad/s, body (FRD)."""
+        """Return the data of ideal inertial sensors in the last pass: m/s/s and rad/s, body (FRD)."""
         force, rates = self._delta.del_vel / self._delta.del_vel_dt, self._delta.del_ang / self._delta.del_ang_dt
         return (*force.tolist(),), (*rates.tolist(),)
 

@@ -29,7 +29,7 @@ _DIFFERING: Final = ("gyro_bias_deg_s", "gyro_noise_deg_s_rthz", "accel_bias_m_s
 
 @dataclass(frozen=True, slots=True)
 class SensorErrors:
-    """How each sensor errs; not at all unless told so.
+    """The errors of each sensor; none by default.
 
     Attributes:
         gyro_bias_deg_s, accel_bias_m_s2: added to what is measured, by axis, body (FRD).
@@ -114,7 +114,7 @@ class _ImuErrors:
 
 
 class ErrorModel:
-    """Adds errors to what ideal sensors say; the same seed gives the same errors.
+    """Adds errors to the data of ideal sensors; the same seed gives the same errors.
 
     Every sensor has a random sequence of its own, so that adding or removing one leaves the others as they were.
     """
@@ -129,7 +129,7 @@ class ErrorModel:
         self._last_mag: tuple[int, Array] = (-1, np.zeros(3))
 
     def apply(self, sensors: Sensors) -> Sensors:
-        """Return what the sensors say with their errors, exact in single precision.
+        """Return the data of the sensors with their errors, exact in single precision.
 
         A reading of barometer or compass is told by its time: it keeps its errors while it is repeated.
         """
@@ -151,11 +151,11 @@ class ErrorModel:
         )
 
     def ahead(self, rows: Array) -> Array:
-        """Return what IMUs say in the next passes, shape (n, 8 times as many), given what ideal ones do, (n, 8)."""
+        """Return the data of IMUs in the next passes, shape (n, 8 times as many), from those of ideal ones, (n, 8)."""
         return rows if self.is_ideal else np.concatenate([imu.ahead(rows) for imu in self._spoiled], axis=1)
 
     def pass_over(self, passes: int) -> None:
-        """Leave passes behind that got what ``ahead`` had said."""
+        """Skip passes that got the data of ``ahead``."""
         for imu in () if self.is_ideal else self._spoiled:
             imu.pass_over(passes)
 

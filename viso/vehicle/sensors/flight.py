@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a log says of a flight, ready to be flown again: each pass of the main loop, and what happened between them."""
+"""The flight of a log, ready to be flown again: each pass of the main loop, and what happened between them."""
 
 import math
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ Ints = npt.NDArray[np.int64]
 TIME: Final = "TimeUS"
 PASS_US: Final = 2500
 REST_S: Final = 10.0
-"""A log that begins later than that after boot is taken to begin with a vehicle that has stood still for so long."""
+"""A log that begins later after boot is assumed to begin with a vehicle that stood still for so long."""
 
 
 class Basis(Enum):
@@ -37,7 +37,7 @@ class Basis(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Readings(Generic[T]):
-    """What a sensor said now and then, and which of that was the newest in each pass; -1 for none yet."""
+    """The readings of a slow sensor, and which was the newest in each pass; -1 for none yet."""
 
     values: Sequence[T]
     newest: Ints
@@ -61,7 +61,7 @@ def readings(values: Sequence[T], keys: npt.ArrayLike, of_passes: npt.ArrayLike)
 
 
 class FlownImu(NamedTuple):
-    """What one of several IMUs said: see ``Flight.deltas``; and whether gyro and accelerometer were used, [passes]."""
+    """Data of one of several IMUs: see ``Flight.deltas``; and whether gyro and accelerometer were used, [passes]."""
 
     deltas: Array
     has_gyro: npt.NDArray[np.bool_]
@@ -69,7 +69,7 @@ class FlownImu(NamedTuple):
 
 
 class Happening(Enum):
-    """What happens to a vehicle that its sensors do not tell."""
+    """An event of a vehicle that its sensors do not show."""
 
     ARMED = "armed"
     DISARMED = "disarmed"
@@ -126,7 +126,7 @@ class Flight:
 
     @property
     def tells_flying(self) -> bool:
-        """Whether the log tells when the vehicle lifted off and landed."""
+        """Whether the log has the times of lift-off and landing."""
         return any(event.what in (Happening.LIFTED_OFF, Happening.LANDED) for event in self.events)
 
     def told(self) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ LATE_US: Final = 1_000_000
 """What is older than the newest message by less is late; by more, time has restarted."""
 
 REFERENCE_US: Final = 1_000_000
-"""For so long heights are averaged; they count from there."""
+"""How long heights are averaged for their zero."""
 
 _USUAL_US: Final = (1000.0, 100_000.0)
 _SEA_LEVEL_HPA: Final = 1013.25
@@ -61,7 +61,7 @@ class MessageTime:
         return None if last_us is None or time_us < last_us else time_us - last_us
 
     def restart(self) -> None:
-        """Let time begin with the next message."""
+        """Start the time with the next message."""
         self._last_us = None
 
     def limited_s(self, interval_us: int) -> float:
@@ -84,7 +84,7 @@ class RelativeHeight:
         self._count = 0
 
     def take(self, time_us: int, height_m: float) -> float | None:
-        """Return a height above the reference, or None while that is still being found."""
+        """Return a height above the reference, or None until the reference is known."""
         if self._first_us is None:
             self._first_us = time_us
         if self._count and not 0 <= time_us - self._first_us < REFERENCE_US:
@@ -110,13 +110,13 @@ GAP_US: Final = 100_000
 """What would fill a longer gap between two messages is left out, and what waits for longer is dropped."""
 
 SENSOR_PREFERRED_US: Final = 1_000_000
-"""For so long after a HIL_SENSOR the other message is of no use."""
+"""How long after a HIL_SENSOR the other message is ignored."""
 
 _LENGTH_TOLERANCE: Final = 0.1
 
 
 class HilSource(VehicleSource):
-    """What a simulator's messages say; the loop of the filter runs at their rate, and rests while there are none.
+    """The data of a simulator's messages; the loop of the filter runs at their rate, and waits while there are none.
 
     HIL_SENSOR gives specific force and rates, which are multiplied by the time since the message before, limited to
     0.25..4 average intervals; height, by ``pressure_alt`` if that is marked as new, otherwise by ``abs_pressure`` in

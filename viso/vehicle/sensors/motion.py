@@ -32,7 +32,7 @@ class State(NamedTuple):
     yaw_rad: float
 
     def truth(self) -> Truth:
-        """Return it as others are told of it."""
+        """Return it in the form for other rooms."""
         return Truth(self.pos, self.vel, self.quat)
 
 

@@ -26,7 +26,7 @@ class MovingSource(VehicleSource):
         raise NotImplementedError
 
     def sense(self, now_us: int) -> Sensors | None:
-        """Return what the sensors say, or None for a time that has been."""
+        """Return the data of the sensors, or None for a time that has passed."""
         if self._motion.last_us is not None and now_us <= self._motion.last_us:
             return None
         delta = self._motion.go_to(now_us)
@@ -42,7 +42,7 @@ class MovingSource(VehicleSource):
         return self._model.ahead(np.array([numbers_of(delta) for delta in self._motion.ahead(times_us)]))
 
     def pass_over(self, times_us: range) -> None:
-        """Leave out passes that got what ``ahead`` had said."""
+        """Skip passes that got the data of ``ahead``."""
         for time_us in times_us:
             self._motion.go_to(time_us)
         self._model.pass_over(len(times_us))

@@ -24,7 +24,7 @@ from viso.vehicle.sensors.vectors import to_body
 
 @dataclass(frozen=True, slots=True)
 class ImuOptions:
-    """What a source of inertial data may use.
+    """The options of a source of inertial data.
 
     Attributes:
         heading_rad: where the vehicle points at first, if the source itself does not know.
@@ -86,7 +86,7 @@ class VehicleSource(SensorSource):
         self._mag = (reading_us, ideal_field(quat)) if self._options.has_compass() else None
 
     def next_event_us(self) -> int:
-        """Return when something happens next that sensors do not tell, us since boot."""
+        """Return the time of the next event that sensors do not show, us since boot."""
         return NEVER
 
     def events_until(self, now_us: int) -> Iterable[Event]:
@@ -94,9 +94,9 @@ class VehicleSource(SensorSource):
         return ()
 
     def take_hil_sensor(self, message: HIL_SENSOR, now_us: int) -> bool:
-        """Take a simulator's sensors at a time in us since boot; say whether the data come from a simulator."""
+        """Take a simulator's sensors at a time in us since boot; return whether the data come from a simulator."""
         return False
 
     def take_hil_state(self, message: HIL_STATE_QUATERNION, now_us: int) -> bool:
-        """Take a simulator's truth at a time in us since boot; say whether the data come from a simulator."""
+        """Take a simulator's truth at a time in us since boot; return whether the data come from a simulator."""
         return False

@@ -21,7 +21,7 @@ MOST_AHEAD: Final = 40
 
 
 class BenchSource(VehicleSource):
-    """Sensors at rest, with a heading; level unless told otherwise.
+    """Sensors at rest, with a heading; level by default.
 
     Args:
         options: heading, compass and errors.
@@ -42,7 +42,7 @@ class BenchSource(VehicleSource):
         self._ideal = self._sense_anew(0)
 
     def sense(self, now_us: int) -> Sensors | None:
-        """Return what the sensors say, or None for a time that has been."""
+        """Return the data of the sensors, or None for a time that has passed."""
         dt_us = NOMINAL_US if self._last_us is None else now_us - self._last_us
         if dt_us <= 0:
             return None
@@ -64,7 +64,7 @@ class BenchSource(VehicleSource):
         return self._model.ahead(self._rows[: len(range(times_us.start, until_us, times_us.step))])
 
     def pass_over(self, times_us: range) -> None:
-        """Leave out passes that got what ``ahead`` had said."""
+        """Skip passes that got the data of ``ahead``."""
         self._last_us = times_us[-1]
         self._model.pass_over(len(times_us))
 

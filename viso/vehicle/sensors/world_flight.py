@@ -45,7 +45,7 @@ class WorldLeg:
         self._motions: list[Motion] = []
 
     def at(self, t: float) -> Motion:
-        """Return the motion t seconds after the start, without the acceleration, for which nobody asks here."""
+        """Return the motion t seconds after the start, without the acceleration, which is not used here."""
         tick = round(t * _RATE_HZ)
         if abs(t * _RATE_HZ - tick) > 1e-6 or tick < 0:
             return self._motions_at(np.array([t]))[0]

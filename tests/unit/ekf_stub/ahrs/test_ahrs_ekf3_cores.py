@@ -192,6 +192,6 @@ def test_lines_of_a_pass_are_kept_together_by_core(make_bench: MakeBench) -> Non
 def test_origin_that_is_set_again_is_told_of_once(bench: BenchRig) -> None:
     assert bench.ahrs.set_origin(bench.place)
     cores_of(bench).lanes.set_origin(bench.place)
-    cores_of(bench).tell_texts()
+    cores_of(bench).send_texts()
     assert bench.said()[-3:] == ["EKF3 IMU0 origin set", "EKF3 IMU1 origin set", "EKF3: origin already set"]
     assert bench.texts[-1][1] == 4

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The flight controller: 50 times per second, from what the estimator says to lean angles, a thrust and a turn.
+"""The flight controller: 50 times per second, from the estimate to lean angles, a thrust and a turn.
 
 It knows where the vehicle is by the vehicle's own estimate alone. An estimate that is wrong flies it away.
 """
@@ -172,7 +172,7 @@ class FlightControl:
     # What it does
 
     def update(self, *, armed: bool) -> bool:
-        """Decide, if it is time to; say whether it was. Once a pass of the main loop."""
+        """Decide, if it is time to; return whether it was. Once a pass of the main loop."""
         now_us = self._clock.micros64()
         late_us = now_us - self._next_us
         if late_us < 0:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""GUIDED: where a companion says (ArduCopter/mode_guided.cpp)."""
+"""GUIDED: to the targets of a companion (ArduCopter/mode_guided.cpp)."""
 
 from mav_handlers.handlers.commands.flight import GuidedTarget
 from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Steering
@@ -17,7 +17,7 @@ class Guided:
         self._down_m: float | None = None
 
     def enter(self) -> None:
-        """Stay, until somebody says where to."""
+        """Stay until there is a target."""
         self._target = self._place = self._down_m = None
         self._steering.heading.hold()
 

@@ -19,7 +19,7 @@ JUMP_M: Final = 0.25
 
 
 class Estimate(NamedTuple):
-    """Where the estimator says that the vehicle is: m and m/s (NED), yaw in rad; None for what it does not know."""
+    """The estimate: m and m/s (NED), yaw in rad; None for what is unknown."""
 
     pos: Three | None
     vel: Three

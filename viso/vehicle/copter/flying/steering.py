@@ -29,7 +29,7 @@ LEVEL: Final = Lean(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits in m, m/s, m/s/s, rad, rad/s and s, named after the parameters that say them.
+    """Limits in m, m/s, m/s/s, rad, rad/s and s, named after their parameters.
 
     Source: AC_WPNav, AC_Loiter, ArduCopter/Parameters.cpp.
     """
@@ -57,7 +57,7 @@ class Limits:
 
     @classmethod
     def of(cls, params: ParamTable, flying: FlyingParameters) -> "Limits":
-        """Return what parameters say, those of speeds and accelerations never 0 or less."""
+        """Return the limits of the parameters; speeds and accelerations are above 0."""
 
         def value(name: str) -> float:
             here, factor = flying.sources[name]

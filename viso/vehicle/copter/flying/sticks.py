@@ -34,7 +34,7 @@ CENTRED: Final = Sticks()
 
 
 class PilotSticks:
-    """Sticks that stay centred but while somebody overrides them: there is no radio."""
+    """Sticks that are centred unless they are overridden: there is no radio."""
 
     def __init__(self, params: ParamTable, clock: Clock) -> None:
         self._params = params

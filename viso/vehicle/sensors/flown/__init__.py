@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A vehicle that flies what a DataFlash log says it flew."""
+"""A vehicle that repeats the flight of a DataFlash log."""

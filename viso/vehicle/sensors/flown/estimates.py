@@ -44,7 +44,7 @@ _UNKNOWN: Final = 1e6  # a deviation, in m or m/s
 
 
 def estimates(log: LogColumns, lane: int) -> Flight | None:
-    """Return the flight that a lane's estimate tells; None for a log without enough of that."""
+    """Return the flight by the estimate of a lane; None for a log without enough of it."""
     attitude = _attitudes(log, lane)
     track, has_velocity = _track(log, lane)
     if min(len(attitude), len(track)) < _FEWEST:

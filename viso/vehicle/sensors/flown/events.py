@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a log says about a flight besides its motion: arming, lift-off, source sets, the origin, and the GPS."""
+"""The events of a flight in a log besides its motion: arming, lift-off, source sets, the origin, and the GPS."""
 
 import math
 import re
@@ -143,7 +143,7 @@ def ahrs_start_us(log: LogColumns) -> int:
 
 
 def _quality(log: LogColumns, time_us: Array) -> Array:
-    """Return what GPA says of solutions: ms since boot, VDOP, accuracies of place, height, speed, vertical velocity."""
+    """Return GPA of solutions: ms since boot, VDOP, accuracies of place, height, speed, vertical velocity."""
     quality, _ = chosen(log, "GPA", ["TimeUS", "SMS", "VDop", "HAcc", "VAcc", "SAcc", "VV"], first_instance(log, "GPA"))
     unknown = np.tile([np.nan, _NOT_KNOWN, _NOT_KNOWN, _NOT_KNOWN, _NOT_KNOWN, 1.0], (len(time_us), 1))
     unknown[:, 0] = time_us // 1000

@@ -21,7 +21,7 @@ from viso.vehicle.sensors.flown.events import ahrs_start_us, events_of, gps_of
 from viso.vehicle.sensors.flown.slow_sensors import slow_sensors
 
 GAP_S: Final = 0.5
-"""For longer than that without a record, what is in between is a straight line, and told."""
+"""A longer gap between records is bridged by a straight line, and reported."""
 
 BRIDGED_S: Final = 10.0
 """For longer than that there is nothing in between."""
@@ -35,14 +35,14 @@ _FILTERS: Final = ("INS_GYRO_FILTER", "INS_ACCEL_FILTER")
 
 
 class Rates(NamedTuple):
-    """What a sensor of three axes said: times in s since boot, growing, and values [N, 3]."""
+    """The data of a sensor of three axes: times in s since boot, growing, and values [N, 3]."""
 
     time_s: Array
     values: Array
 
 
 def imu_records(log: LogColumns, lane: int) -> Flight | None:
-    """Return the flight that the records of a lane's IMU tell; None for a log without enough of them."""
+    """Return the flight by the records of a lane's IMU; None for a log without enough of them."""
     params, imu = parameters(log), imu_of(log, lane)
     gyro, accel = _raw(log, "GYR", imu), _raw(log, "ACC", imu)
     kind = "GYR and ACC"
@@ -95,7 +95,7 @@ def edges_of(pass_us: Ints) -> tuple[Array, Array]:
 def flight_of(
     log: LogColumns, lane: int, basis: Basis, pass_us: Ints, del_vel: Array, del_ang: Array, notes: tuple[str, ...]
 ) -> Flight:
-    """Return a flight of passes 2.5 ms long, with all else that an ordinary log tells of it.
+    """Return a flight of passes 2.5 ms long, with all other data of an ordinary log.
 
     A log that begins late begins with a vehicle that stands as it stood in the first pass.
 

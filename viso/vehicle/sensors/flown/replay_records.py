@@ -66,7 +66,7 @@ def _imus_in(log: LogColumns) -> list[int]:
 
 
 def _flown(imus: Sequence[tuple[Array, Ints]], ends: Ints) -> tuple[FlownImu, ...]:
-    """Return what each IMU said in each pass; nothing where all said the same."""
+    """Return the data of each IMU in each pass; nothing where all IMUs have the same data."""
     newest = [table[np.maximum(np.searchsorted(begins, ends) - 1, 0)] for table, begins in imus]
     if all(np.array_equal(newest[0], table) for table in newest[1:]):
         return ()
@@ -78,7 +78,7 @@ def _flown(imus: Sequence[tuple[Array, Ints]], ends: Ints) -> tuple[FlownImu, ..
 
 
 def _expected(log: LogColumns, ends: Ints) -> Readings[tuple[bool, bool]] | None:
-    """Return what RFRN says of take-off and touchdown; None without it."""
+    """Return the flags of take-off and touchdown in RFRN; None without it."""
     flags, begins = chosen(log, "RFRN", ["Flags"])
     if not len(flags):
         return None
@@ -88,7 +88,7 @@ def _expected(log: LogColumns, ends: Ints) -> Readings[tuple[bool, bool]] | None
 
 
 def _declination(log: LogColumns, ends: Ints) -> Readings[float] | None:
-    """Return what RMGH says; the last of it from the origin on, when the filter has a table for its place."""
+    """Return the declination of RMGH; the last of it from the origin on, when the filter has a table for its place."""
     values, begins = chosen(log, "RMGH", ["Dec"])
     if not len(values):
         return None

@@ -25,7 +25,7 @@ class SlowSensors(NamedTuple):
 
 
 def slow_sensors(log: LogColumns, pass_us: Ints) -> SlowSensors:
-    """Return what a log's records BARO, MAG and ATT say in each pass (us since boot), and its declination."""
+    """Return the data of a log's BARO, MAG and ATT in each pass (us since boot), and its declination."""
     baro = _timed(log, "BARO", "SMS", 1e-3, ["Alt"])
     mag = _timed(log, "MAG", "S", 1.0, ["MagX", "MagY", "MagZ"])
     attitude, _ = chosen(log, "ATT", ["TimeUS", "Yaw"])

@@ -41,7 +41,7 @@ def lane_in_use(log: LogColumns) -> int:
 
 
 def read_flight(path: Path) -> Flight:
-    """Return the flight of a log. Raises InputError if it cannot be read, or tells of no motion."""
+    """Return the flight of a log. Raises InputError if it cannot be read, or has no motion."""
     log = read_columns(path)
     lane = lane_in_use(log)
     for reader in READERS.values():
@@ -52,7 +52,7 @@ def read_flight(path: Path) -> Flight:
 
 
 class RecordedSource(VehicleSource):
-    """Sensors that say what they said in a log, at the same times since boot.
+    """Sensors with the data of a log, at the same times since boot.
 
     A pass gets what the log's passes since the last one add up to; without any, as before the log's first and after
     its last, there is nothing.
@@ -77,7 +77,7 @@ class RecordedSource(VehicleSource):
         self._alike: list[bool] = has_no_reading.tolist()
 
     def sense(self, now_us: int) -> Sensors | None:
-        """Return what the sensors said since the last pass, or None if the log has nothing."""
+        """Return the data of the sensors since the last pass, or None if the log has none."""
         times_us, flight = self._times_us, self.flight
         end = start = self._next or 0
         while end < len(times_us) and times_us[end] <= now_us:
@@ -116,14 +116,14 @@ class RecordedSource(VehicleSource):
         return self.flight.deltas[start:end]
 
     def pass_over(self, times_us: range) -> None:
-        """Leave out passes that got what ``ahead`` had said."""
+        """Skip passes that got the data of ``ahead``."""
         self._next = (self._next or 0) + len(times_us)
         yaw_rad = self.flight.yaw_rad.at(self._next - 1)
         if yaw_rad is not None:
             self._yaw_rad = yaw_rad
 
     def is_at_rest(self, until_us: int) -> bool:
-        """Return whether the log says nothing from now until a time since boot."""
+        """Return whether the log has no data from now until a time since boot."""
         times_us = self._times_us
         return (self._next or 0) == len(times_us) or times_us[self._next or 0] > until_us
 
@@ -141,7 +141,7 @@ class RecordedSource(VehicleSource):
         return events[self._next_event].time_us if self._next_event < len(events) else NEVER
 
     def expected(self) -> tuple[bool, bool] | None:
-        """Return whether a take-off is expected, and whether a touchdown is; None of a log that does not tell."""
+        """Return whether a take-off is expected, and whether a touchdown is; None of a log that does not have them."""
         return self._expected
 
     def events_until(self, now_us: int) -> Iterator[Event]:

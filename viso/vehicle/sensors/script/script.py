@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A vehicle that moves as a script says; ``script_file`` describes the scripts."""
+"""A vehicle that moves by a script; ``script_file`` describes the scripts."""
 
 import math
 from collections.abc import Callable
@@ -22,7 +22,7 @@ FIRST_INTERVAL_US: Final = 2500
 
 
 class ScriptedMotion(Moving[State]):
-    """Moves as a script says, from its start on, and stands until then.
+    """Moves by a script, from its start on, and stands until then.
 
     Attributes:
         start_us: when the script starts, since boot; None as long as nobody knows.
@@ -47,7 +47,7 @@ class ScriptedMotion(Moving[State]):
 
 
 class ScriptSource(MovingSource):
-    """The sensors of a vehicle that moves as a script says.
+    """The sensors of a vehicle that moves by a script.
 
     Inertial data are integrals over the time since the last pass, however long that was: the change of velocity without
     gravity as it is felt in the body's mean attitude, and the rotation. Adding them up gives the trajectory.
@@ -65,7 +65,7 @@ class ScriptSource(MovingSource):
             self._script.think_again()
 
     def sense(self, now_us: int) -> Sensors | None:
-        """Return what the sensors say, or None for a time that has been."""
+        """Return the data of the sensors, or None for a time that has passed."""
         self._start_if_armed(now_us)
         return super().sense(now_us)
 
@@ -79,7 +79,7 @@ class ScriptSource(MovingSource):
         return 0.0 - then.pos[2], then.quat
 
     def set_armed(self, armed: bool) -> None:
-        """Hear whether the vehicle is armed; a script may wait for it."""
+        """Set whether the vehicle is armed; a script may wait for it."""
         self._armed = armed
 
     def is_at_rest(self, until_us: int) -> bool:

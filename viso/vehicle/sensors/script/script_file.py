@@ -102,7 +102,7 @@ class Script:
 
 
 def parse_script(text: str, name: str, heading_rad: float = 0.0) -> Script:
-    """Return what the text of a script says; ``heading_rad`` holds where the script gives none.
+    """Return the script in a text; ``heading_rad`` holds where the script gives none.
 
     Raises InputError, naming the script, and leg and key, of what cannot be used.
     """

@@ -10,7 +10,7 @@ from viso.vehicle.sensors.vectors import Three
 
 
 class TomlTable:
-    """A table of a file whose keys are asked for one after the other; ``check_all_known`` then tells of others.
+    """A table of a file whose keys are read one after the other; ``check_all_known`` then refuses others.
 
     Args:
         values: what the table holds.
@@ -81,7 +81,7 @@ class TomlTable:
         return [TomlTable(one, f"{self.place}: {key} {number}") for number, one in enumerate(value, 1)]
 
     def check_all_known(self) -> None:
-        """Check that every key has been asked for. Raises InputError naming one that has not."""
+        """Check that every key was read. Raises InputError naming one that was not."""
         for key in self._values:
             if key not in self._known:
                 known = ", ".join(dict.fromkeys(self._known))

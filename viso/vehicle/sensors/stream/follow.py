@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A vehicle imagined to move as external navigation says, so that a stream of it can be tried with nothing else."""
+"""A vehicle that moves by external navigation, so that a stream can be tried without other sensors."""
 
 import math
 from collections import Counter
@@ -77,7 +77,7 @@ class FollowedMotion(Moving[FollowState]):
             vehicle.steer(self.follower.target(1e-6 * time_us))
 
     def is_in_gap(self, time_us: int) -> bool:
-        """Return whether no pose has said for long where the vehicle is."""
+        """Return whether the last pose is old."""
         return time_us - self.guided_us > GAP_US
 
 

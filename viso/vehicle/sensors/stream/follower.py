@@ -16,7 +16,7 @@ LONGEST_INTERVAL_S: Final = 0.3
 
 
 class StreamFollower:
-    """Where the vehicle should be, as the stream tells from its first pose on."""
+    """The target of the vehicle by the stream, from its first pose on."""
 
     def __init__(self, first: Pose, vehicle: Movement) -> None:
         self.frame = StreamFrame(first, vehicle)
@@ -32,7 +32,7 @@ class StreamFollower:
         return self._tracker.at(time_s)
 
     def begin_again(self, pose: Pose, vehicle: Movement, *, is_reset: bool) -> bool:
-        """Take a pose after a gap, in which the vehicle went its own way; say whether it says where that is."""
+        """Take a pose after a gap, in which the vehicle went its own way; return whether it says where that is."""
         has_jumped = self.frame.settle_jump(pose, vehicle, LONGEST_INTERVAL_S, is_reset=is_reset)
         shown = self.frame.apply(pose)
         start = vehicle._replace(pos=shown.pos, acc=ZERO, quat=shown.quat, rate=ZERO)
@@ -42,7 +42,7 @@ class StreamFollower:
         return not has_jumped
 
     def go_on(self, pose: Pose, *, is_reset: bool) -> bool:
-        """Take a pose, later than the last; say whether it says where the vehicle is, and not that of a jump."""
+        """Take a pose, later than the last; return whether it says where the vehicle is, and not that of a jump."""
         interval_s = min(pose.time_s - self.time_s, LONGEST_INTERVAL_S)
         expected, steady = self._tracker.at(pose.time_s), self._steady(pose.time_s)
         has_jumped = self.frame.settle_jump(pose, expected, interval_s, steady=steady, is_reset=is_reset)

@@ -45,7 +45,7 @@ class StreamFrame:
     def settle_jump(
         self, pose: Pose, expected: Movement, interval_s: float, *, steady: Pose | None = None, is_reset: bool
     ) -> bool:
-        """Let the frame jump, if a pose is too far from what was expected, so that it is not; say whether it has.
+        """Let the frame jump, if a pose is too far from what was expected, so that it is not; return whether it has.
 
         Args:
             pose: a pose of the stream.

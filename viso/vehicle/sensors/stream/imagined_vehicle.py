@@ -70,7 +70,7 @@ class ImaginedVehicle:
         return Movement(self._pos, self._vel, self._acc, self.quat, self._rate)
 
     def steer(self, target: Movement) -> None:
-        """Go where the target is now, with its velocity, acceleration and rates; holds until told otherwise."""
+        """Go where the target is now, with its velocity, acceleration and rates; holds until the next call."""
         jerk = [0.0, 0.0, 0.0]
         for axis in range(3):
             catch_up = _within(_STEER_POS / 3.0 * (target.pos[axis] - self._pos[axis]), MAX_CATCH_UP_SPEED)
