@@ -32,8 +32,8 @@ def file_errors(place: object) -> Iterator[None]:
 
 
 @contextmanager
-def told_errors(*kinds: type[Exception]) -> Iterator[None]:
-    """Raise InputError in place of errors whose text already says all."""
+def as_input_errors(*kinds: type[Exception]) -> Iterator[None]:
+    """Raise InputError in place of errors of some kinds, with their text."""
     try:
         yield
     except kinds as error:

@@ -18,7 +18,7 @@ from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import STRATEGIES
 from viso.demo import tracking_camera as simulated
 from viso.demo.record import LoopRecord
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.extras import pip_install
 from viso.firmware.releases import Firmware
 from viso.logs.files import LogFile, LogStore
@@ -92,7 +92,7 @@ def _fly_vio(seed: int, log_file: LogFile, firmware: Firmware, choose: Choose) -
     from viso.demo import odometry as demo_vio
     from viso.demo.figures import figures_of, figures_table
 
-    with told_errors(StrategyNotAvailableError):
+    with as_input_errors(StrategyNotAvailableError):
         run = demo_vio.VioDemo(seed, lambda: log_file, firmware, choose)
     with _flying(demo_vio.END_S) as (on_progress, stop):
         run.run(on_progress, stop)

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.live import Live
 
 from mav_handlers.links import open_link
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.faults import FAULTS, Injector, Timeline, TimelineError, load_timeline, parse_timeline, run_through
 from viso.faults.file import check_output, read_recording, write_recording
 from viso.faults.proxy import FaultProxy
@@ -28,7 +28,7 @@ PROGRESS_EVERY: Final = 256
 def _timeline(path: Path | None, inline: list[str]) -> Timeline:
     if path is None and not inline:
         raise InputError(f"--timeline FILE or --fault TEXT is missing; faults: {', '.join(FAULTS)}")
-    with told_errors(TimelineError):
+    with as_input_errors(TimelineError):
         given = Timeline() if path is None else load_timeline(path)
         added = (parse_timeline(f"faults: [{{{text}}}]", f"--fault {text!r}") for text in inline)
         return Timeline((*given.entries, *(entry for timeline in added for entry in timeline.entries)), given.seed)

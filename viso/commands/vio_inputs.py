@@ -11,7 +11,7 @@ from viso.companion.sources.kinds import open_source
 from viso.companion.vio.config import ConfigError, VioConfig, load_config
 from viso.companion.vio.errors import StrategyNotAvailableError
 from viso.companion.vio.registry import build_vio_strategy
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.geometry.frame_change import parse_rotation
 from viso.geometry.rotation import Array
 from viso.geometry.trajectory import Trajectory
@@ -30,7 +30,7 @@ def rotation_of(text: str) -> Array:
 
 def opened(options: SourceOptions, kind: str | None) -> Recording | LiveCamera:
     """Open a source."""
-    with told_errors(SourceError):
+    with as_input_errors(SourceError):
         return open_source(options, kind)
 
 
@@ -45,12 +45,12 @@ def configured(
 
     Raises InputError if the file is none, or the strategy is not to be had.
     """
-    with told_errors(ConfigError):
+    with as_input_errors(ConfigError):
         config = source.config if file is None else load_config(file)
     config = with_engine(config, strategy, engine)
     # Built once in advance, so that whatever is missing is reported before anything is opened.
     silent = logging.Logger("viso.trying", logging.CRITICAL + 1)
-    with told_errors(ValueError, StrategyNotAvailableError):
+    with as_input_errors(ValueError, StrategyNotAvailableError):
         build_vio_strategy(config, source.calibration, lambda: 0, silent).close()
     return config
 
@@ -59,5 +59,5 @@ def known_truth(source: Recording | LiveCamera, file: Path | None) -> Trajectory
     """Return the trajectory in a file, or what the source knows."""
     if file is None:
         return source.poses if isinstance(source, Recording) else None
-    with told_errors(TrajectoryError):
+    with as_input_errors(TrajectoryError):
         return load_trajectory(Source(file))

@@ -10,7 +10,7 @@ from typing import Final
 
 from mav_handlers.links import TlogError, TlogWriter, read_tlog
 from mav_handlers.links.tlog import STX_V1, STX_V2, YEAR_2000_US
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.faults import TimedFrame
 from viso.files.outputs import output_file
 from viso.files.text_files import write_text
@@ -39,7 +39,7 @@ def read_recording(path: Path) -> Recording:
     if not path.name.lower().endswith(TLOG):
         stream = read_stream(path, 0)
         return Recording(tuple(timed_frames(stream)), stream, stream.notes)
-    with told_errors(TlogError):
+    with as_input_errors(TlogError):
         reader = read_tlog(path)
         frames = tuple((entry.time_us, entry.data) for entry in reader)
     notes = []

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mav_handlers.wire.codec import Codec
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.geometry.rotation import Array, euler_from_quats, inverse, product, quat_wxyz_from_rotation, rotate
 from viso.geometry.trajectory import Pose
 from viso.geometry.trajectory_files import Records, TrajectoryError
@@ -160,7 +160,7 @@ def read_as_recorded(path: Path, lead_us: int, options: TrajectoryOptions, form:
     Raises InputError if it cannot be read, or an option cannot be used.
     """
     check_form(form)
-    with told_errors(TrajectoryError):
+    with as_input_errors(TrajectoryError):
         records = load_records(Source(path, options.topic, options.times), options.format_name)
     return replace(as_recorded(records, lead_us, options.axes, form), name=path.stem)
 

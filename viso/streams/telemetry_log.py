@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from mav_handlers.links.tlog import TlogError, read_tlog
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.streams.heard import version_heard
 from viso.streams.stream import MAX_GAP_US, Stream, StreamMessage
 
@@ -17,7 +17,7 @@ def read_telemetry_log(path: Path, lead_us: int) -> Stream:
     Messages whose stamp runs backwards are handled at the time of their predecessor. Raises InputError if the file
     cannot be read as a .tlog, or a stamp is more than a day after its predecessor.
     """
-    with told_errors(TlogError):
+    with as_input_errors(TlogError):
         reader = read_tlog(path)
     messages, first_us, latest_us = [], None, lead_us
     for number, entry in enumerate(reader, 1):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from viso.errors import InputError, told_errors, within
+from viso.errors import InputError, as_input_errors, within
 from viso.geometry.frame_change import FrameChange, parse_axes
 from viso.geometry.rotation import Array
 from viso.geometry.trajectory import Trajectory
@@ -88,7 +88,7 @@ def axes_of(text: str) -> tuple[Array, Array]:
 
 def load(source: Source, format_name: str | None, *, from_anywhere: bool = False) -> Trajectory:
     """Return what a file holds, as ``load_trajectory`` does. Raises InputError if it cannot be read."""
-    with told_errors(TrajectoryError):
+    with as_input_errors(TrajectoryError):
         return load_trajectory(source, format_name, from_anywhere=from_anywhere)
 
 

@@ -14,7 +14,7 @@ import yaml
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from viso.documents import parsed_yaml
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.extras import installed_version
 from viso.faults import Timeline, TimelineError, inject, parse_timeline
 from viso.firmware.releases import PROFILES
@@ -167,5 +167,5 @@ def timeline_of(faults: Faults, values: Mapping[str, float]) -> Timeline:
             if entry > len(document["faults"]):
                 raise InputError(f"{faults.name}: {name}: there are {len(document['faults'])} entries")
             document["faults"][entry - 1][key] = int(value) if value.is_integer() else value
-    with told_errors(TimelineError):
+    with as_input_errors(TimelineError):
         return parse_timeline(yaml.safe_dump(document, sort_keys=False), faults.name)

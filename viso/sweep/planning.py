@@ -11,7 +11,7 @@ from typing import Final
 import yaml
 
 from viso.documents import parsed_yaml
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.extras import installed_version
 from viso.faults import TimelineError, parse_timeline
 from viso.faults.timeline import MAX_SEED
@@ -155,7 +155,7 @@ def _timeline(name: str) -> Faults:
     if name == NO_FAULTS:
         return Faults()
     text = read_text(Path(name))
-    with told_errors(TimelineError):
+    with as_input_errors(TimelineError):
         parse_timeline(text, name)
     return Faults(name, yaml.safe_dump(parsed_yaml(text), sort_keys=False))
 

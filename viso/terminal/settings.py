@@ -13,7 +13,7 @@ from typing import Final
 from ap_core.param import ParamTable
 from ap_core.parm_file import ParmFileError, ParmLine, parse_parm
 from ap_visualodom.ap_visualodom import make_params
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.files.text_files import read_lines, read_text
 from viso.firmware.releases import REFERENCE, Firmware
 from viso.parameters.conversion import NO_RENAMES, Renames, carry_over, name_here
@@ -63,7 +63,7 @@ def load_parm_file(
     bad line or, unless unknown names are allowed, a slip.
     """
     text = read_text(path)
-    with told_errors(ParmFileError):
+    with as_input_errors(ParmFileError):
         lines = parse_parm(text, str(path))
     if read_only is not None:
         read_only.update(line.name for line in lines if line.read_only)

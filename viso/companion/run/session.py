@@ -21,7 +21,7 @@ from viso.companion.trials.trial import run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.log import JsonFormatter
 from viso.companion.vio.types import NavCameraFrame, SensorEvent
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.files.text_files import write_text
 
 Stop = Callable[[], bool]
@@ -50,7 +50,7 @@ class VioSession:
         source = self._source()
         assert isinstance(source, Recording)
         listeners = (self.log.take,)
-        with told_errors(SourceError):
+        with as_input_errors(SourceError):
             results = run_through(
                 source, self.config, source.start, clock_ns=NOW_NS, logger=self.logger, listeners=listeners
             )
@@ -87,7 +87,7 @@ class VioSession:
             link = None if master is None else open_link(master)
             if link is not None:
                 stack.callback(link.close)
-            stack.enter_context(told_errors(SourceError))
+            stack.enter_context(as_input_errors(SourceError))
             vio = LiveVio(self._source(), self.config, self.log, self.logger, link, alignment=alignment, on_text=take)
             if link is not None and wait_s and not vio.wait_for_vehicle(wait_s, self.stop) and not self.stop():
                 vio.close()

@@ -10,7 +10,7 @@ from typing import Final
 from mav_handlers.links import Link, wait_readable
 from mav_handlers.wire.codec import Codec, Received
 from viso.dds.poses import SCHEME, Heard, PoseTopic
-from viso.errors import InputError, told_errors
+from viso.errors import InputError, as_input_errors
 from viso.geometry.trajectory_files import TrajectoryError
 from viso.streams.bag_formats import collect
 from viso.streams.heard import version_heard
@@ -87,7 +87,7 @@ def heard_on_topic(
 def stream_of_topic(topic: PoseTopic, heard: list[Heard], lead_us: int, axes: str, form: str | None) -> Stream:
     """Return the poses of a topic as a stream of messages; arguments and errors are those of ``as_recorded``."""
     name = SCHEME + topic.name
-    with told_errors(TrajectoryError):
+    with as_input_errors(TrajectoryError):
         records = collect(name, [one.message for one in heard])
     stream = as_recorded(records, lead_us, axes, form)
     notes = []
