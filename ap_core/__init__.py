@@ -9,14 +9,13 @@ from ap_core.param import ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f
-from ap_core.verdict import Outcome, Rule, Verdict
+from ap_core.verdict import Rule, Verdict, VerdictKind
 
 __all__ = [
     "Clock",
     "InternalError",
     "InternalErrors",
     "Matrix3f",
-    "Outcome",
     "ParamTable",
     "Quaternion",
     "RecordSink",
@@ -24,5 +23,6 @@ __all__ = [
     "TextSink",
     "Vector3f",
     "Verdict",
+    "VerdictKind",
     "VirtualClock",
 ]

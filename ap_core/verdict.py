@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Outcome of a message, and the firmware rule that decided it.
+"""The verdict on a message: what kind it is, and the firmware rule that decided it.
 
-The firmware says nothing about most of these outcomes; here each has a rule with a code, a sentence and the place
+The firmware says nothing about most verdicts; here each has a rule with a code, a sentence and the place
 in the firmware where it is decided.
 """
 
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Outcome(StrEnum):
-    """Outcome of a message.
+class VerdictKind(StrEnum):
+    """What the autopilot did with a message.
 
     ACCEPTED: its data was handed to the estimator. IGNORED: it was handled (logged, counted for health) but its data
     was withheld. DROPPED: it had no effect on external navigation at all. HANDLED: it carries no external
@@ -37,15 +37,15 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The outcome of one message with the rule that decided it."""
+    """What the autopilot did with a message, and the rule that decided it."""
 
-    outcome: Outcome
+    kind: VerdictKind
     rule: Rule
 
     def as_dict(self) -> dict[str, str]:
         """Return the verdict for machine-readable output."""
         return {
-            "outcome": self.outcome.value,
+            "outcome": self.kind.value,
             "rule": self.rule.code,
             "reason": self.rule.text,
             "source": self.rule.source,
@@ -54,4 +54,4 @@ class Verdict:
 
 def dropped(code: str, text: str, source: str) -> Verdict:
     """Return the verdict on a message that has no effect, from what its rule holds."""
-    return Verdict(Outcome.DROPPED, Rule(code, text, source))
+    return Verdict(VerdictKind.DROPPED, Rule(code, text, source))

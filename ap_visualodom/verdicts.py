@@ -4,10 +4,10 @@
 
 from typing import Final
 
-from ap_core.verdict import Outcome, Rule, Verdict, dropped
+from ap_core.verdict import Rule, Verdict, VerdictKind, dropped
 
 CONSUMED: Final = Verdict(
-    Outcome.ACCEPTED,
+    VerdictKind.ACCEPTED,
     Rule("consumed", "handed to the EKF", "AP_VisualOdom backends, handle_pose_estimate and its siblings"),
 )
 DISABLED: Final = dropped("viso_disabled", "VISO_TYPE is 0", "AP_VisualOdom.cpp, AP_VisualOdom::enabled")
@@ -17,7 +17,7 @@ NO_BACKEND: Final = dropped(
     "AP_VisualOdom.cpp, AP_VisualOdom::init",
 )
 QUALITY_BELOW_MIN: Final = Verdict(
-    Outcome.IGNORED,
+    VerdictKind.IGNORED,
     Rule(
         "quality_below_min",
         "quality is below VISO_QUAL_MIN",
@@ -25,7 +25,7 @@ QUALITY_BELOW_MIN: Final = Verdict(
     ),
 )
 RESET_SETTLING: Final = Verdict(
-    Outcome.IGNORED,
+    VerdictKind.IGNORED,
     Rule(
         "reset_settling",
         "a position reset was seen within the last 1000 ms",

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """MAVLink endpoint without I/O, and the thin links around it."""
 
-from ap_core.verdict import Outcome, Rule, Verdict
+from ap_core.verdict import Rule, Verdict, VerdictKind
 from mav_handlers.endpoint import MavEndpoint, MessageEvent
 from mav_handlers.wire.codec import BadData, Codec
 from mav_handlers.wire.messages import (
@@ -95,7 +95,7 @@ __all__ = [
     "MavEndpoint",
     "Message",
     "MessageEvent",
-    "Outcome",
     "Rule",
     "Verdict",
+    "VerdictKind",
 ]

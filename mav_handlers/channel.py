@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u32, u64
-from ap_core.verdict import Outcome, Verdict
+from ap_core.verdict import Verdict, VerdictKind
 from mav_handlers.jitter_correction import JitterCorrection
 from mav_handlers.schedule import DeferredMessages, IntervalBuckets
 from mav_handlers.wire.codec import Codec, Header, full_length
@@ -29,7 +29,7 @@ RESERVED_US: Final = 2_000_000
 MAX_INTERVAL_MS: Final = 60_000
 _SLOW_FACTOR: Final = 4
 
-CountKey = tuple[str, Outcome, str]
+CountKey = tuple[str, VerdictKind, str]
 
 
 @dataclass(slots=True)
@@ -177,7 +177,7 @@ class Channel:
 
     def count(self, name: str, verdict: Verdict, amount: int = 1) -> None:
         """Count a message, or ``amount`` bytes that are none, under its verdict."""
-        self.counters[name, verdict.outcome, verdict.rule.code] += amount
+        self.counters[name, verdict.kind, verdict.rule.code] += amount
 
     def has_room(self) -> bool:
         """Return whether output may be added; a peer that does not read must not cost memory."""

@@ -22,7 +22,7 @@ from ap_core.cint import u8, u32
 from ap_core.fmath import ieee754
 from ap_core.param import ParamEcho
 from ap_core.param_cache import FromParams
-from ap_core.verdict import Outcome, Verdict
+from ap_core.verdict import Verdict, VerdictKind
 from mav_handlers.channel import Channel, Context, Rest, TransmitReserve
 from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
 from mav_handlers.handlers.clocks import send_timesync, timesync_due_us
@@ -388,9 +388,9 @@ class MavEndpoint:
         if self._has_polled and not self._vehicle.copter.has_booted:
             self._vehicle.texts.service(self.channels)
 
-    def verdict_counts(self) -> dict[tuple[str, Outcome, str], int]:
+    def verdict_counts(self) -> dict[tuple[str, VerdictKind, str], int]:
         """Return how often each message type met each verdict, over all links."""
-        total: dict[tuple[str, Outcome, str], int] = {}
+        total: dict[tuple[str, VerdictKind, str], int] = {}
         for channel in self.channels:
             for key, amount in channel.counters.items():
                 total[key] = total.get(key, 0) + amount

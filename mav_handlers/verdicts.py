@@ -5,7 +5,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from ap_core.verdict import Outcome, Rule, Verdict, dropped
+from ap_core.verdict import Rule, Verdict, VerdictKind, dropped
 from ap_visualodom import verdicts as port
 from mav_handlers.wire.codec import Defect
 from mav_handlers.wire.signature import Refusal
@@ -18,7 +18,7 @@ _LOG_DATA: Final = f"{_LOG_FILE}, handle_log_request_data"
 _LOG_MESSAGE: Final = f"{_LOG_FILE}, handle_log_message"
 
 HANDLED: Final = Verdict(
-    Outcome.HANDLED, Rule("handled", "processed; carries no external navigation", "GCS_Common.cpp, handle_message")
+    VerdictKind.HANDLED, Rule("handled", "processed; carries no external navigation", "GCS_Common.cpp, handle_message")
 )
 ODOMETRY_FRAMES: Final = dropped(
     "odometry_frames",

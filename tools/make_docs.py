@@ -59,7 +59,7 @@ from viso.streams.messages import FORMS
 from viso.streams.readers import FORMATS as TRAJECTORY_FORMATS
 from viso.streams.stream_kinds import STREAM_KINDS
 from viso.terminal.settings import PRESETS, preset_title
-from viso.vehicle.outcomes import basis, fate_of, is_final, why
+from viso.vehicle.outcomes import basis, is_final, outcome_kind, why
 from viso.web.faults import SWITCHES
 from viso.web.requests import ACTIONS
 
@@ -117,12 +117,12 @@ def _commands() -> Iterator[tuple[str, ...]]:
 
 def _verdicts() -> Iterator[tuple[str, ...]]:
     for verdict in ALL_VERDICTS:
-        yield f"`{verdict.rule.code}`", verdict.outcome.value, verdict.rule.text, verdict.rule.source
+        yield f"`{verdict.rule.code}`", verdict.kind.value, verdict.rule.text, verdict.rule.source
 
 
 def _filter_verdicts() -> Iterator[tuple[str, ...]]:
     for rule in filter(is_final, FILTER_RULES):
-        yield f"`{rule.code}`", fate_of(rule).value, why(rule), basis(rule), rule.source
+        yield f"`{rule.code}`", outcome_kind(rule).value, why(rule), basis(rule), rule.source
 
 
 def _backends() -> Iterator[tuple[str, ...]]:
@@ -534,7 +534,7 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "silent": (("message", "id"), _silent),
     "commands": (("command", "number", "what it does"), _commands),
     "verdicts": (("code", "outcome", "why", "where the firmware decides"), _verdicts),
-    "filter_verdicts": (("code", "fate", "why", "basis", "where the firmware decides"), _filter_verdicts),
+    "filter_verdicts": (("code", "outcome", "why", "basis", "where the firmware decides"), _filter_verdicts),
     "backends": (("VISO_TYPE", "name", "class", "what it does"), _backends),
     "links": (("connection string", "what it is"), _links),
     "clients": (("client", "version", "what the tests do"), _clients),

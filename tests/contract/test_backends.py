@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ap_visualodom.ap_visualodom import BACKENDS
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
 from ap_visualodom.var_info import VisualOdom_Type
@@ -141,9 +141,9 @@ class TestBackend:
         rig.align_ready(1.0)
         verdict = rig.pose(pos, attitude, pos_err=pos_err, ang_err=ang_err, counter=counter, quality=quality)
         assert verdict in VERDICTS
-        assert (verdict.outcome is Outcome.ACCEPTED) == (len(rig.extnav) == 1)
+        assert (verdict.kind is VerdictKind.ACCEPTED) == (len(rig.extnav) == 1)
         [fields] = rig.logged("VISP")
-        assert fields["Ign"] == (verdict.outcome is not Outcome.ACCEPTED)
+        assert fields["Ign"] == (verdict.kind is not VerdictKind.ACCEPTED)
         assert len(STRUCTURES["VISP"].pack(list(fields.values()))) == STRUCTURES["VISP"].length
 
     @fresh_for_each_example

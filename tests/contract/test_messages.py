@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
-from ap_core.verdict import Outcome, Verdict
+from ap_core.verdict import Verdict, VerdictKind
 from ap_visualodom.verdicts import CONSUMED
 from mav_handlers.channel import Channel
 from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
@@ -226,4 +226,4 @@ class TestMessage:
         cuts = [0, *(sum(chunks[: number + 1]) for number in range(len(chunks))), len(stream)]
         pieces = [stream[start:end] for start, end in pairwise(cuts) if start < end]
         assert effect_of(*pieces) == effect_of(stream)
-        assert {verdict.outcome for verdict in effect_of(*pieces).verdicts} == {Outcome.ACCEPTED}
+        assert {verdict.kind for verdict in effect_of(*pieces).verdicts} == {VerdictKind.ACCEPTED}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.endpoint import MessageEvent
 from tests.places import DATA
 from viso.streams.stream_kinds import StreamMessage, read_capture
@@ -80,7 +80,7 @@ class Listener:
         bench.on_event = self._take
 
     def _take(self, event: MessageEvent) -> None:
-        if event.verdict.outcome in (Outcome.ACCEPTED, Outcome.IGNORED):
+        if event.verdict.kind in (VerdictKind.ACCEPTED, VerdictKind.IGNORED):
             assert event.header is not None
             self.samples += 1
             self.forged += event.header.frame not in self._originals

@@ -48,7 +48,7 @@ from ap_core.cint import u8, u32
 from ap_core.fmath import f32
 from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.ahrs_settable import ExtNav, SettableAhrs
@@ -214,7 +214,7 @@ class EndpointMachine(RuleBasedStateMachine):
         self.logs: list[MemoryLog] = []
         self.written: dict[int, Counter[str]] = defaultdict(Counter)
         self.new_records: list[tuple[str, dict[str, LogValue]]] = []
-        self.seen: list[Counter[tuple[str, Outcome, str]]] = [Counter() for _ in bauds]
+        self.seen: list[Counter[tuple[str, VerdictKind, str]]] = [Counter() for _ in bauds]
         self.frame_bytes = [0] * len(bauds)
         self.delivered = [0] * len(bauds)
         self.last_sample_ms = 0
@@ -271,7 +271,7 @@ class EndpointMachine(RuleBasedStateMachine):
         calls, self.calls_seen = self.calls[self.calls_seen :], len(self.calls)
         if event.header is not None:
             verdict = event.verdict
-            self.seen[event.channel][event.name, verdict.outcome, verdict.rule.code] += 1
+            self.seen[event.channel][event.name, verdict.kind, verdict.rule.code] += 1
             self.frame_bytes[event.channel] += len(event.header.frame)
             self.received.add(event.header.frame)
         if type(event.message) in VISION_MESSAGES:
@@ -281,18 +281,18 @@ class EndpointMachine(RuleBasedStateMachine):
 
     def judge_sample(self, event: MessageEvent, records: list[tuple[str, dict[str, LogValue]]], calls: Any) -> None:
         """Check records, calls and verdict of a vision message against each other and the parameters."""
-        message, outcome = event.message, event.verdict.outcome
+        message, outcome = event.message, event.verdict.kind
         assert message is not None
-        handled = outcome in (Outcome.ACCEPTED, Outcome.IGNORED)
+        handled = outcome in (VerdictKind.ACCEPTED, VerdictKind.IGNORED)
         assert [name for name, _ in records] == (RECORDS_OF.get(type(message), ["VISP"]) if handled else [])
-        consumed = CALLS_OF.get(type(message), ["ExtNav"]) if outcome is Outcome.ACCEPTED else []
+        consumed = CALLS_OF.get(type(message), ["ExtNav"]) if outcome is VerdictKind.ACCEPTED else []
         assert [type(call).__name__ for call in calls] == consumed
-        assert all(fields.get("Ign", 0) == (outcome is Outcome.IGNORED) for _, fields in records)
+        assert all(fields.get("Ign", 0) == (outcome is VerdictKind.IGNORED) for _, fields in records)
         if handled:
             self.last_sample_ms = event.now_us // 1000
         else:
             self.judge_refusal(event)
-        if outcome is Outcome.ACCEPTED and not isinstance(message, VISION_POSITION_DELTA):
+        if outcome is VerdictKind.ACCEPTED and not isinstance(message, VISION_POSITION_DELTA):
             assert getattr(message, "quality", 0) >= self.params.get_int("VISO_QUAL_MIN")
         for call in calls:
             if isinstance(call, ExtNav):

@@ -158,7 +158,9 @@ def _verdict_table(changes: Sequence[CountChange]) -> Table:
 
 
 def _sample_table(changes: Sequence[CountChange]) -> Table:
-    table = _count_columns("Fates of samples in the filter that differ in number", "sample", "fate", "why", "basis")
+    table = _count_columns(
+        "Outcomes of samples in the filter that differ in number", "sample", "outcome", "why", "basis"
+    )
     for change in changes:
         rule = RULES_BY_CODE[change.rule]
         table.add_row(change.name, change.outcome, why(rule), basis(rule), str(change.before), str(change.after))

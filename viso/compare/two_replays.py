@@ -14,7 +14,7 @@ from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome, SaidText
 from viso.terminal.console import reason_of
 from viso.terminal.filter_report import aiding_rows
-from viso.vehicle.outcomes import RULES_BY_CODE, UNITS, AidingSpan, Innovations, fate_of, final_counts, is_model
+from viso.vehicle.outcomes import RULES_BY_CODE, UNITS, AidingSpan, Innovations, final_counts, is_model, outcome_kind
 
 K = TypeVar("K", bound=tuple[str, ...])
 V = TypeVar("V")
@@ -192,7 +192,9 @@ def _sample_changes(before: ReplayOutcome, after: ReplayOutcome) -> list[CountCh
         for outcome in (before, after)
     )
     changes = _differing(first, second, 0)
-    return [CountChange(kind, fate_of(RULES_BY_CODE[code]).value, code, *counts) for (kind, code), *counts in changes]
+    return [
+        CountChange(kind, outcome_kind(RULES_BY_CODE[code]).value, code, *counts) for (kind, code), *counts in changes
+    ]
 
 
 # Messages
@@ -207,8 +209,8 @@ def _rule_rows(message: ReplayedMessage) -> list[Row]:
     """Return the codes of the rules that decided about a message, and about each kind of its samples."""
     codes = {VERDICT: message.verdict.rule.code}
     for sample in message.samples or ():
-        for fate in sample.fates:
-            codes.setdefault(fate.outcome.kind, fate.outcome.rule.code)
+        for test in sample.outcomes:
+            codes.setdefault(test.outcome.kind, test.outcome.rule.code)
     return [Row("", codes)]
 
 

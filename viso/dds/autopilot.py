@@ -152,7 +152,7 @@ class DdsAutopilot:
                 self._note(vehicle, service.name, HANDLED)
 
     def _note(self, vehicle: Vehicle, name: str, verdict: Verdict) -> None:
-        self.counts[name, verdict.outcome, verdict.rule.code] += 1
+        self.counts[name, verdict.kind, verdict.rule.code] += 1
         event = MessageEvent(NO_CHANNEL, vehicle.clock.micros64(), name, None, None, verdict)
         for listener in self.listeners:
             listener(self.name, event)

@@ -12,12 +12,12 @@ from typing import Final
 import numpy as np
 from rich.table import Column, Table
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from viso.demo.errors import PoseErrors, estimate_errors, odometry_errors, truth
 from viso.demo.loop import CompanionLoop
 from viso.demo.record import Arrived, Estimate
 from viso.geometry.errors import rms
-from viso.vehicle.outcomes import Fate, fate_of
+from viso.vehicle.outcomes import OutcomeKind, outcome_kind
 
 _PATH_STEP_S: Final = 0.1
 
@@ -81,7 +81,7 @@ def figures_of(loop: CompanionLoop) -> LoopFigures:
         for (name, outcome, code), count in loop.vehicle.endpoint.verdict_counts().items()
         if name == "ODOMETRY"
     ]
-    fates = Counter(fate_of(test.outcome.rule) for test in record.fates if test.outcome.kind == "pose")
+    outcomes = Counter(outcome_kind(test.outcome.rule) for test in record.outcomes if test.outcome.kind == "pose")
     return LoopFigures(
         path_m=_path_m(loop),
         odometry=accuracy_of(odometry_errors(setup, record.arrived).in_flight()),
@@ -89,9 +89,9 @@ def figures_of(loop: CompanionLoop) -> LoopFigures:
         states=_total((span.state.value, span.end_us - span.start_us) for span in states),
         aiding=_total((span.mode.value, span.end_us - span.start_us) for span in loop.watch.aiding()),
         sent=loop.companion.sender.counters["ODOMETRY"],
-        accepted=sum(count for outcome, _, count in verdicts if outcome is Outcome.ACCEPTED),
-        withheld={code: count for outcome, code, count in verdicts if outcome is not Outcome.ACCEPTED},
-        fused=fates[Fate.FUSED] + fates[Fate.RESET],
+        accepted=sum(count for outcome, _, count in verdicts if outcome is VerdictKind.ACCEPTED),
+        withheld={code: count for outcome, code, count in verdicts if outcome is not VerdictKind.ACCEPTED},
+        fused=outcomes[OutcomeKind.FUSED] + outcomes[OutcomeKind.RESET],
         qualities=_qualities(record.arrived),
         reset_counter=record.arrived[-1].message.reset_counter if record.arrived else None,
         position_resets=tuple(_position_resets(record.estimates)),

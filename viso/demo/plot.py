@@ -15,7 +15,7 @@ from viso.demo.record import Estimate
 from viso.demo.tracking_camera import END_S, FAULTS, FLIGHT, DemoResult
 from viso.estimators.series import spans_of
 from viso.files.outputs import output_file
-from viso.vehicle.outcomes import Fate, fate_of
+from viso.vehicle.outcomes import OutcomeKind, outcome_kind
 
 _TRUTH: Final = "0.45"
 _GIVEN: Final = "#1f77b4"
@@ -51,8 +51,8 @@ def _poses(result: DemoResult) -> Iterator[tuple[str, str, Any, Any]]:
     """Yield label, colour, times and positions of the poses by their outcomes."""
     rejected_ms = {
         test.outcome.time_ms
-        for test in result.fates
-        if test.outcome.kind == "pose" and fate_of(test.outcome.rule) is Fate.REJECTED
+        for test in result.outcomes
+        if test.outcome.kind == "pose" and outcome_kind(test.outcome.rule) is OutcomeKind.REJECTED
     }
     groups = (
         ("used by the filter", _GIVEN, lambda pose: not pose.ignored and pose.observed_ms not in rejected_ms),
@@ -102,7 +102,7 @@ def _ratios(axes: Any, result: DemoResult) -> None:
     for kind, (label, colour) in _KINDS.items():
         tests = [
             (1e-6 * test.time_us, max(test.outcome.ratio, 1e-3))
-            for test in result.fates
+            for test in result.outcomes
             if test.outcome.kind == kind and test.outcome.ratio is not None
         ]
         times, ratios = np.array(tests).reshape(-1, 2).T

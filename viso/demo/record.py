@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.core.covariance import POS
 from ekf_stub.reports import AidingMode, FilterFlag
@@ -90,7 +90,7 @@ class LoopRecord:
     health: list[Health] = field(default_factory=list)
     arrived: list[Arrived] = field(default_factory=list)
     estimates: list[Estimate] = field(default_factory=list)
-    fates: list[SampleTest] = field(default_factory=list)
+    outcomes: list[SampleTest] = field(default_factory=list)
 
     def texts(self, who: str) -> list[str]:
         """Return the texts of the autopilot or of the companion."""
@@ -119,7 +119,7 @@ class LoopRecorder(logging.Handler):
         self._vehicle, self._watch = vehicle, watch
         vehicle.texts.on_text.append(lambda severity, text: self._note(AUTOPILOT, severity, text))
         vehicle.endpoint.on_event = self._take_event
-        watch.listeners.append(self._take_fate)
+        watch.listeners.append(self._take_outcome)
 
     def look(self) -> None:
         """Note the present estimate of the autopilot."""
@@ -168,9 +168,9 @@ class LoopRecorder(logging.Handler):
 
     def _take_event(self, event: MessageEvent) -> None:
         if isinstance(event.message, ODOMETRY):
-            is_accepted = event.verdict.outcome is Outcome.ACCEPTED
+            is_accepted = event.verdict.kind is VerdictKind.ACCEPTED
             self.record.arrived.append(Arrived(event.now_us, event.message, is_accepted))
 
-    def _take_fate(self, test: SampleTest) -> None:
+    def _take_outcome(self, test: SampleTest) -> None:
         if is_final(test.outcome.rule):
-            self.record.fates.append(test)
+            self.record.outcomes.append(test)

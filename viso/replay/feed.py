@@ -22,7 +22,7 @@ from viso.files.float_bits import json_value
 from viso.running.virtual_time import Scheduler
 from viso.streams.stream import LONGEST_SILENCE_US
 from viso.streams.stream_kinds import Stream, StreamMessage
-from viso.vehicle.outcomes import FATE_WAIT_US, FilterWatch, HandedSample, SampleFates
+from viso.vehicle.outcomes import OUTCOME_WAIT_US, FilterWatch, HandedSample, SampleOutcomes
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle
 
 _VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRUCTURE_FROM_VISUALODOM)
@@ -56,13 +56,13 @@ class ReplayedMessage:
         verdict = self.verdict.as_dict()
         line: dict[str, object] = {"arrival_us": self.arrival_us, "type": self.type, "out": out, "verdict": verdict}
         if self.samples is not None:
-            line["filter"] = [fate for sample in self.samples for fate in sample.fates_as_dicts()]
+            line["filter"] = [outcome for sample in self.samples for outcome in sample.outcomes_as_dicts()]
         return line
 
 
 @dataclass(frozen=True, slots=True)
 class _Handled:
-    """A message, and until when it waits for the fates of its samples."""
+    """A message, and until when it waits for the outcomes of its samples."""
 
     message: ReplayedMessage
     until_us: int
@@ -96,11 +96,11 @@ class Replay:
         self._on_sent = on_sent
         self._watch = watch
         self._filter_until_us = math.inf if filter_until_us is None else filter_until_us
-        self._fates = SampleFates()
+        self._outcomes = SampleOutcomes()
         self._stream = stream
         self._scheduler = Scheduler(vehicle)
         if watch is not None:
-            watch.listeners.append(self._fates.take)
+            watch.listeners.append(self._outcomes.take)
             self._scheduler.on_pass = watch.look
         self._channel: Channel = vehicle.endpoint.open_channel(stream.name, baud=baud)
         self._records: list[tuple[str, tuple[LogValue, ...]]] = []
@@ -120,9 +120,9 @@ class Replay:
                 self._tell_record(structure, values)
 
     def _take_event(self, event: MessageEvent) -> None:
-        samples = None if self._watch is None else self._fates.take_handed()
+        samples = None if self._watch is None else self._outcomes.take_handed()
         message = ReplayedMessage(self._arrival_us, event.name, tuple(self._records), event.verdict, samples)
-        self._handled.append(_Handled(message, event.now_us + FATE_WAIT_US))
+        self._handled.append(_Handled(message, event.now_us + OUTCOME_WAIT_US))
         self._records.clear()
         if self._tell_event is not None:
             self._tell_event(event)
@@ -139,7 +139,7 @@ class Replay:
             fed += len(batch)
             on_progress(fed)
         if self._watch is not None:
-            self._run_until(self._scheduler.now_us + FATE_WAIT_US)
+            self._run_until(self._scheduler.now_us + OUTCOME_WAIT_US)
         yield from self._take_ripe()
 
     def notes(self) -> tuple[str, ...]:
@@ -188,7 +188,7 @@ class Replay:
         now_us = self._scheduler.now_us
         while self._handled and self._handled[0].is_ripe(now_us):
             message = self._handled.popleft().message
-            self._fates.forget(message.samples or ())
+            self._outcomes.forget(message.samples or ())
             yield message
 
 

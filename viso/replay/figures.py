@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.core.odometry import GATE_SIGMAS
 from ekf_stub.inputs.measurements import Array
@@ -22,7 +22,16 @@ from viso.geometry.errors import EvaluationError, absolute_error
 from viso.geometry.trajectory import Trajectory
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome
-from viso.vehicle.outcomes import UNITS, AidingSpan, Fate, FilterCounts, FilterWatch, SampleTest, fate_of, final_counts
+from viso.vehicle.outcomes import (
+    UNITS,
+    AidingSpan,
+    FilterCounts,
+    FilterWatch,
+    OutcomeKind,
+    SampleTest,
+    final_counts,
+    outcome_kind,
+)
 from viso.vehicle.sensors.flight import Basis
 from viso.vehicle.vehicle import Vehicle
 
@@ -281,15 +290,15 @@ def _gate(vehicle: Vehicle, kind: str) -> float:
 
 
 def _of_messages(outcome: ReplayOutcome) -> Row:
-    counts: Counter[Outcome] = Counter()
+    counts: Counter[VerdictKind] = Counter()
     for (name, verdict, _), count in outcome.verdicts.items():
         if name in VISION_NAMES:
             counts[verdict] += count
     return {
         "messages": counts.total(),
-        "accepted_share": counts[Outcome.ACCEPTED] / counts.total() if counts else None,
-        "ignored": counts[Outcome.IGNORED],
-        "dropped": counts[Outcome.DROPPED],
+        "accepted_share": counts[VerdictKind.ACCEPTED] / counts.total() if counts else None,
+        "ignored": counts[VerdictKind.IGNORED],
+        "dropped": counts[VerdictKind.DROPPED],
         "texts": len(outcome.texts),
         "warnings": sum(text.severity <= _WARNING for text in outcome.texts),
     }
@@ -300,16 +309,16 @@ def _product(share: Figure, other: Figure) -> Figure:
 
 
 def _of_samples(counts: FilterCounts) -> Row:
-    fates: Counter[Fate] = Counter()
+    outcomes: Counter[OutcomeKind] = Counter()
     for _, rule, count in final_counts(counts):
-        fates[fate_of(rule)] += count
-    useful = fates.total() - fates[Fate.UNUSED]
+        outcomes[outcome_kind(rule)] += count
+    useful = outcomes.total() - outcomes[OutcomeKind.UNUSED]
     return {
-        "fused_share": (fates[Fate.FUSED] + fates[Fate.RESET]) / useful if useful else 0.0,
-        "rejected": fates[Fate.REJECTED],
-        "lost": fates[Fate.LOST],
-        "refused": fates[Fate.REFUSED],
-        "resets": fates[Fate.RESET],
+        "fused_share": (outcomes[OutcomeKind.FUSED] + outcomes[OutcomeKind.RESET]) / useful if useful else 0.0,
+        "rejected": outcomes[OutcomeKind.REJECTED],
+        "lost": outcomes[OutcomeKind.LOST],
+        "refused": outcomes[OutcomeKind.REFUSED],
+        "resets": outcomes[OutcomeKind.RESET],
     }
 
 

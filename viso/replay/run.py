@@ -15,12 +15,12 @@ from viso.streams.stream_kinds import Stream
 from viso.terminal.console import VerdictCounts, reason_of
 from viso.vehicle.outcomes import (
     AidingSpan,
-    Fate,
     FilterCounts,
     FilterWatch,
     Innovations,
-    fate_of,
+    OutcomeKind,
     final_counts,
+    outcome_kind,
     what_became,
 )
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -75,11 +75,11 @@ class ReplayOutcome:
 
 def why_nothing_fused(outcome: ReplayOutcome) -> str:
     """Return the outcome of most samples, or of most messages if none had a sample; empty if one was fused."""
-    fates = final_counts(outcome.filter_counts)
-    if any(fate_of(rule) is Fate.FUSED for _, rule, _ in fates):
+    outcomes = final_counts(outcome.filter_counts)
+    if any(outcome_kind(rule) is OutcomeKind.FUSED for _, rule, _ in outcomes):
         return ""
-    if fates:
-        kind, rule, count = max(fates, key=lambda row: row[2])
+    if outcomes:
+        kind, rule, count = max(outcomes, key=lambda row: row[2])
         return f"{count} samples of {kind} {what_became(rule)}"
     messages = {key: count for key, count in outcome.verdicts.items() if key[0] in VISION_NAMES}
     if not messages:
@@ -102,7 +102,7 @@ def run_replay(
 ) -> ReplayOutcome:
     """Replay a stream into a fresh vehicle, whose parameters are ``settings`` from boot on.
 
-    ``open_log`` opens its DataFlash log. ``on_message`` is told of each message as soon as its fate is known,
+    ``open_log`` opens its DataFlash log. ``on_message`` is told of each message as soon as its outcome is known,
     ``on_progress`` how many have been fed, ``on_start`` of the vehicle and of who watches its filter before anything is
     fed, and ``on_sent`` what the vehicle sends. The outcome has the messages if they are to be kept.
     """

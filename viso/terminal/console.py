@@ -11,7 +11,7 @@ from rich.segment import Segment
 from rich.table import Column, Table
 from rich.text import Text
 
-from ap_core.verdict import Outcome, Rule
+from ap_core.verdict import Rule, VerdictKind
 from mav_handlers.verdicts import ALL_VERDICTS
 from viso.extras import pip_install
 from viso.terminal.process import printable
@@ -19,14 +19,14 @@ from viso.terminal.process import printable
 PLOT_HINT: Final = f"no plot: matplotlib is missing; install it with: {pip_install('plot')}"
 
 _STYLES = {
-    Outcome.ACCEPTED: "green",
-    Outcome.IGNORED: "yellow",
-    Outcome.DROPPED: "red",
-    Outcome.HANDLED: "",
+    VerdictKind.ACCEPTED: "green",
+    VerdictKind.IGNORED: "yellow",
+    VerdictKind.DROPPED: "red",
+    VerdictKind.HANDLED: "",
 }
 _RULES: dict[str, Rule] = {verdict.rule.code: verdict.rule for verdict in ALL_VERDICTS}
 
-VerdictCounts = Mapping[tuple[str, Outcome, str], int]
+VerdictCounts = Mapping[tuple[str, VerdictKind, str], int]
 
 
 class _PlainConsole(Console):

@@ -13,23 +13,23 @@ from viso.terminal.console import VerdictCounts, verdict_table
 from viso.vehicle.outcomes import (
     UNITS,
     AidingSpan,
-    Fate,
     FilterCounts,
     Innovations,
+    OutcomeKind,
     basis,
-    fate_of,
     final_counts,
     is_model,
+    outcome_kind,
     why,
 )
 
 _STYLES: Final = {
-    Fate.FUSED: "green",
-    Fate.RESET: "yellow",
-    Fate.UNUSED: "",
-    Fate.REJECTED: "red",
-    Fate.LOST: "red",
-    Fate.REFUSED: "red",
+    OutcomeKind.FUSED: "green",
+    OutcomeKind.RESET: "yellow",
+    OutcomeKind.UNUSED: "",
+    OutcomeKind.REJECTED: "red",
+    OutcomeKind.LOST: "red",
+    OutcomeKind.REFUSED: "red",
 }
 _MODES: Final = {
     AidingMode.NONE: "nothing (constant position)",
@@ -41,10 +41,10 @@ _MODES: Final = {
 def filter_table(counts: FilterCounts) -> Table:
     """Return a table of what the filter did with how many samples, and whose opinion that is."""
     title = "Outcome of each sample in the filter"
-    table = Table("sample", Column("count", justify="right"), "fate", "why", "basis", title=title)
+    table = Table("sample", Column("count", justify="right"), "outcome", "why", "basis", title=title)
     for kind, rule, count in final_counts(counts):
-        fate = fate_of(rule)
-        table.add_row(kind, str(count), Text(fate.value, style=_STYLES[fate]), why(rule), basis(rule))
+        outcome = outcome_kind(rule)
+        table.add_row(kind, str(count), Text(outcome.value, style=_STYLES[outcome]), why(rule), basis(rule))
     return table
 
 
@@ -53,7 +53,7 @@ def filter_rows(counts: FilterCounts) -> list[dict[str, object]]:
     return [
         {
             "kind": kind,
-            "outcome": fate_of(rule).value,
+            "outcome": outcome_kind(rule).value,
             "rule": rule.code,
             "reason": rule.text,
             "count": count,

@@ -8,14 +8,14 @@ from typing import Final, Self
 from rich.console import Console, Group
 from rich.live import Live
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
 from viso.terminal.console import VerdictCounts
 from viso.terminal.filter_report import tables_of
-from viso.vehicle.outcomes import Fate, FilterCounts, basis, fate_of, is_final, sentence
+from viso.vehicle.outcomes import FilterCounts, OutcomeKind, basis, is_final, outcome_kind, sentence
 from viso.vehicle.vehicle import Vehicle
 
 OnMessage = Callable[[str, MessageEvent], None]
@@ -82,10 +82,10 @@ class LiveReport:
             listener(link, event)
         verdict = event.verdict
         key = (event.name, verdict.rule.code)
-        if verdict.outcome in (Outcome.ACCEPTED, Outcome.HANDLED) or key in self._seen:
+        if verdict.kind in (VerdictKind.ACCEPTED, VerdictKind.HANDLED) or key in self._seen:
             return
         self._seen.add(key)
-        self._print(f"first {event.name} {verdict.outcome}: {verdict.rule.text}")
+        self._print(f"first {event.name} {verdict.kind}: {verdict.rule.text}")
 
     def _outcome(self, now_us: int, outcome: FilterOutcome) -> None:
         for listener in self._filter_listeners:
@@ -97,7 +97,7 @@ class LiveReport:
                 self._has_printed_start = True
                 self._print(_STARTING)
             return
-        if not is_final(rule) or fate_of(rule) is Fate.FUSED or key in self._seen:
+        if not is_final(rule) or outcome_kind(rule) is OutcomeKind.FUSED or key in self._seen:
             return
         self._seen.add(key)
         self._print(f"filter: first {outcome.kind} {sentence(outcome)} ({basis(rule)})")

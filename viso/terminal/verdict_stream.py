@@ -18,7 +18,7 @@ from typing import Final
 
 from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
-from viso.vehicle.outcomes import Fate, as_dict, fate_of, is_final, is_model, sentence
+from viso.vehicle.outcomes import OutcomeKind, as_dict, is_final, is_model, outcome_kind, sentence
 
 LINES_WAITING: Final = 20_000
 PATIENCE_S: Final = 2.0
@@ -109,9 +109,7 @@ def text_line(link: str, event: MessageEvent) -> str:
     header, verdict = event.header, event.verdict
     sender = "" if header is None else f" {header.system_id}:{header.component_id} #{header.sequence}"
     time_s = event.now_us / 1e6
-    return (
-        f"{time_s:9.3f} s  {link}  {event.name}{sender}  {verdict.outcome}: {verdict.rule.text} ({verdict.rule.code})"
-    )
+    return f"{time_s:9.3f} s  {link}  {event.name}{sender}  {verdict.kind}: {verdict.rule.text} ({verdict.rule.code})"
 
 
 def json_line(link: str, event: MessageEvent) -> str:
@@ -124,7 +122,7 @@ def json_line(link: str, event: MessageEvent) -> str:
         "sysid": None if header is None else header.system_id,
         "compid": None if header is None else header.component_id,
         "seq": None if header is None else header.sequence,
-        "outcome": verdict.outcome.value,
+        "outcome": verdict.kind.value,
         "rule": verdict.rule.code,
         "reason": verdict.rule.text,
         "model": False,
@@ -144,7 +142,7 @@ def filter_json_line(now_us: int, outcome: FilterOutcome) -> str:
     return json.dumps({"time_us": now_us, "link": None, "type": "FILTER", **as_dict(outcome)})
 
 
-_MAY_GO_ON: Final = (Fate.FUSED, Fate.UNUSED, Fate.REFUSED)
+_MAY_GO_ON: Final = (OutcomeKind.FUSED, OutcomeKind.UNUSED, OutcomeKind.REFUSED)
 
 
 class VerdictStream:
@@ -174,7 +172,7 @@ class VerdictStream:
         rule = outcome.rule
         if not is_final(rule):
             return
-        goes_on = fate_of(rule) in _MAY_GO_ON and self._last_rules.get(outcome.kind) == rule.code
+        goes_on = outcome_kind(rule) in _MAY_GO_ON and self._last_rules.get(outcome.kind) == rule.code
         self._last_rules[outcome.kind] = rule.code
         if self._is_json:
             self._writer.put(filter_json_line(now_us, outcome))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from ap_core.location import Location
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.wire.messages import (
     COMMAND_ACK,
     COMMAND_LONG,
@@ -377,7 +377,7 @@ class Autopilot:
             AssertionError: it is not so; the text tells what did become of messages.
             ValueError: no message has that name, or the count is none.
         """
-        claim = claims.make_claim(Outcome.ACCEPTED, message, None, count)
+        claim = claims.make_claim(VerdictKind.ACCEPTED, message, None, count)
         verdicts = self.verdicts
         claims.check_claim(claim, verdicts)
         if count is None:
@@ -397,7 +397,7 @@ class Autopilot:
             AssertionError: it is not so; the text tells what did become of messages.
             ValueError: no message has that name, by no rule of that code messages are dropped, or the count is none.
         """
-        claims.check_claim(claims.make_claim(Outcome.DROPPED, message, reason, count), self.verdicts)
+        claims.check_claim(claims.make_claim(VerdictKind.DROPPED, message, reason, count), self.verdicts)
 
     def assert_ignored(
         self, reason: str | None = None, count: int | None = None, message: str | type[Message] | None = None
@@ -413,7 +413,7 @@ class Autopilot:
             AssertionError: it is not so; the text tells what did become of messages.
             ValueError: no message has that name, by no rule of that code messages are ignored, or the count is none.
         """
-        claims.check_claim(claims.make_claim(Outcome.IGNORED, message, reason, count), self.verdicts)
+        claims.check_claim(claims.make_claim(VerdictKind.IGNORED, message, reason, count), self.verdicts)
 
     def assert_fused(self, kind: str = "pose", count: int | None = None) -> None:
         """Claim that the filter, a model of EKF3, fused samples; it decides some 60 to 250 ms after a message.

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.endpoint import UNKNOWN_NAME
 from mav_handlers.verdicts import ALL_VERDICTS
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import Message
 from viso.faults.poses import VISION_NAMES
 from viso.testing.observations import MessageVerdict, StatusText
-from viso.vehicle.outcomes import UNITS, Fate
+from viso.vehicle.outcomes import UNITS, OutcomeKind
 
 __tracebackhide__ = True  # what goes wrong for a test's own fault is shown where the test is
 
@@ -27,17 +27,17 @@ KINDS: Final = tuple(UNITS)
 _NO_FRAME: Final = "BAD_DATA"
 # Whoever sends what cannot be read has lost a message of some kind.
 _NAVIGATION: Final = VISION_NAMES | {_NO_FRAME, UNKNOWN_NAME}
-_OUTCOME_OF_RULE: Final = {verdict.rule.code: verdict.outcome for verdict in ALL_VERDICTS}
+_KIND_OF_RULE: Final = {verdict.rule.code: verdict.kind for verdict in ALL_VERDICTS}
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """That ``count`` messages met an outcome, all of one name and for one reason if these are given.
+    """That ``count`` messages got a kind of verdict, all of one name and for one reason if these are given.
 
     Without a count there is at least one.
     """
 
-    outcome: Outcome
+    kind: VerdictKind
     message: str | None
     reason: str | None
     count: int | None
@@ -45,9 +45,7 @@ class Claim:
     def fits(self, verdict: MessageVerdict) -> bool:
         """Return whether a message is one of those."""
         return (
-            verdict.outcome is self.outcome
-            and self.message in (None, verdict.name)
-            and self.reason in (None, verdict.rule)
+            verdict.kind is self.kind and self.message in (None, verdict.name) and self.reason in (None, verdict.rule)
         )
 
     def holds(self, found: int) -> bool:
@@ -59,18 +57,18 @@ class Claim:
         count = "at least one" if self.count is None else str(self.count)
         why = "" if self.reason is None else f" by the rule {self.reason}"
         what = self.message or ("message" if self.count in (None, 1) else "messages")
-        return f"{count} {what} {self.outcome.value}{why}"
+        return f"{count} {what} {self.kind.value}{why}"
 
 
-def make_claim(outcome: Outcome, message: str | type[Message] | None, reason: str | None, count: int | None) -> Claim:
-    """Return a claim. Raises ValueError for an unknown message or rule, one of another outcome, or a negative count."""
+def make_claim(kind: VerdictKind, message: str | type[Message] | None, reason: str | None, count: int | None) -> Claim:
+    """Return a claim. Raises ValueError for an unknown message or rule, one of another kind, or a negative count."""
     name = message if message is None or isinstance(message, str) else message.__name__
     if name is not None and name not in (_NO_FRAME, UNKNOWN_NAME):
         _check_message_name(name)
     if reason is not None:
-        _check_reason(reason, outcome)
+        _check_reason(reason, kind)
     check_count(count)
-    return Claim(outcome, name, reason, count)
+    return Claim(kind, name, reason, count)
 
 
 def _check_message_name(name: str) -> None:
@@ -80,12 +78,12 @@ def _check_message_name(name: str) -> None:
         raise ValueError(f"message {name!r}: MAVLink has no such message") from None
 
 
-def _check_reason(reason: str, outcome: Outcome) -> None:
-    codes = [code for code, its_outcome in _OUTCOME_OF_RULE.items() if its_outcome is outcome]
+def _check_reason(reason: str, kind: VerdictKind) -> None:
+    codes = [code for code, its_kind in _KIND_OF_RULE.items() if its_kind is kind]
     if reason in codes:
         return
-    if reason in _OUTCOME_OF_RULE:
-        raise ValueError(f"reason {reason!r}: by that rule messages are {_OUTCOME_OF_RULE[reason]}, not {outcome}")
+    if reason in _KIND_OF_RULE:
+        raise ValueError(f"reason {reason!r}: by that rule messages are {_KIND_OF_RULE[reason]}, not {kind}")
     near = difflib.get_close_matches(reason, codes, 1)
     hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(codes)}"
     raise ValueError(f"reason {reason!r}: no such rule; {hint}")
@@ -109,7 +107,7 @@ def check_nothing_lost(verdicts: Sequence[MessageVerdict], message: str | None) 
     lost = [
         verdict
         for verdict in verdicts
-        if verdict.outcome in (Outcome.DROPPED, Outcome.IGNORED)
+        if verdict.kind in (VerdictKind.DROPPED, VerdictKind.IGNORED)
         and (verdict.name in _NAVIGATION if message is None else verdict.name == message)
     ]
     if lost:
@@ -124,7 +122,7 @@ def what_became(verdicts: Sequence[MessageVerdict]) -> str:
     first: dict[tuple[str, ...], int] = {}
     counts: Counter[tuple[str, ...]] = Counter()
     for verdict in verdicts:
-        key = verdict.name, verdict.outcome.value, verdict.rule, verdict.reason
+        key = verdict.name, verdict.kind.value, verdict.rule, verdict.reason
         first.setdefault(key, verdict.time_us)
         counts[key] += 1
     rows = [
@@ -142,18 +140,18 @@ def check_fused(verdicts: Sequence[MessageVerdict], kind: str, count: int | None
     if kind not in KINDS:
         raise ValueError(f"kind {kind!r}: no such kind of sample; there are {', '.join(KINDS)}")
     check_count(count)
-    fates = [fate for verdict in verdicts for fate in verdict.fates]
-    found = sum(fate.kind == kind and fate.fate is Fate.FUSED for fate in fates)
+    outcomes = [outcome for verdict in verdicts for outcome in verdict.outcomes]
+    found = sum(outcome.kind == kind and outcome.outcome is OutcomeKind.FUSED for outcome in outcomes)
     if found > 0 if count is None else found == count:
         return
     expected = "at least one" if count is None else str(count)
-    rows = Counter(f"{fate.kind} {fate.fate.value}, {fate.rule}: {fate.reason}" for fate in fates)
+    rows = Counter(f"{outcome.kind} {outcome.outcome.value}, {outcome.rule}: {outcome.reason}" for outcome in outcomes)
     lines = [f"{number:5d} {row}" for row, number in rows.most_common()]
     waiting = sum(not verdict.is_settled for verdict in verdicts)
     if waiting:
         lines.append(f"{waiting:5d} waiting for the filter's decision, which takes some 250 ms: advance the time")
-    outcomes = f"; the outcome of samples:\n{shortened(lines, MESSAGE_ROWS)}" if lines else what_became(verdicts)
-    raise AssertionError(f"expected {expected} {kind} fused, found {found}{outcomes}")
+    shown = f"; the outcome of samples:\n{shortened(lines, MESSAGE_ROWS)}" if lines else what_became(verdicts)
+    raise AssertionError(f"expected {expected} {kind} fused, found {found}{shown}")
 
 
 def check_text(part: str, texts: Sequence[StatusText]) -> None:

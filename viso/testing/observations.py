@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a test observes of the autopilot: verdicts on messages, fates of samples, records of the log, texts."""
+"""What a test observes of the autopilot: verdicts on messages, outcomes of samples, records of the log, texts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ap_core.log_field import LogValue
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.wire.messages import Message
-from viso.vehicle.outcomes import Fate, HandedSample, fate_of
+from viso.vehicle.outcomes import HandedSample, OutcomeKind, outcome_kind
 
 
 class StatusText(NamedTuple):
@@ -36,32 +36,32 @@ class Record:
         return self.fields[label]
 
 
-class SampleFate(NamedTuple):
+class SampleOutcome(NamedTuple):
     """What the filter, a model of EKF3, did with a sample that a message brought.
 
     Attributes:
         kind: pose, height, yaw, velocity or odometry.
-        fate: its outcome; fused and reset are the good ones.
+        outcome: its outcome; fused and reset are the good ones.
         rule: code of the rule that decided.
         reason: that rule in words.
     """
 
     kind: str
-    fate: Fate
+    outcome: OutcomeKind
     rule: str
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class MessageVerdict:
-    """Outcome of a message, or of bytes that are none.
+    """The verdict on a message, or on bytes that are none.
 
     Attributes:
         time_us: when it was handled, us since boot.
         name: of the message; BAD_DATA for bytes that are no frame, UNKNOWN for an id outside the dialect.
         system_id, component_id: of the sender; None for BAD_DATA.
         message: its content; None for BAD_DATA, and for a message of which the autopilot knows only the name.
-        outcome: accepted, ignored, dropped or handled (it carries no external navigation).
+        kind: accepted, ignored, dropped or handled (it carries no external navigation).
         rule: code of the firmware's rule that decided.
         reason: that rule in words.
         source: where in the firmware it stands.
@@ -73,7 +73,7 @@ class MessageVerdict:
     system_id: int | None
     component_id: int | None
     message: Message | None
-    outcome: Outcome
+    kind: VerdictKind
     rule: str
     reason: str
     source: str
@@ -81,10 +81,10 @@ class MessageVerdict:
     _samples: tuple[HandedSample, ...] = field(default=(), repr=False, compare=False)
 
     @property
-    def fates(self) -> tuple[SampleFate, ...]:
+    def outcomes(self) -> tuple[SampleOutcome, ...]:
         """What the filter did with its samples, as far as that is decided: some 60 to 250 ms after it came."""
-        rules = [(fate.outcome.kind, fate.outcome.rule) for sample in self._samples for fate in sample.fates]
-        return tuple(SampleFate(kind, fate_of(rule), rule.code, rule.text) for kind, rule in rules)
+        rules = [(test.outcome.kind, test.outcome.rule) for sample in self._samples for test in sample.outcomes]
+        return tuple(SampleOutcome(kind, outcome_kind(rule), rule.code, rule.text) for kind, rule in rules)
 
     @property
     def is_settled(self) -> bool:

@@ -14,7 +14,7 @@ from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import Message
 from viso.streams.stream import StreamMessage
 from viso.testing.observations import MessageVerdict, Record, StatusText
-from viso.vehicle.outcomes import FATE_WAIT_US, FilterWatch, HandedSample, SampleFates
+from viso.vehicle.outcomes import OUTCOME_WAIT_US, FilterWatch, HandedSample, SampleOutcomes
 from viso.vehicle.sensors.airframe import AirframeState
 from viso.vehicle.vehicle import Vehicle
 
@@ -36,8 +36,8 @@ class Observer:
 
     def __init__(self, vehicle: Vehicle, watch: FilterWatch) -> None:
         self._vehicle = vehicle
-        self._fates = SampleFates()
-        watch.listeners.append(self._fates.take)
+        self._outcomes = SampleOutcomes()
+        watch.listeners.append(self._outcomes.take)
         self._decoder = Codec(255, 190)
         self._of_message: list[Record] = []
         self._waiting: deque[tuple[int, Sequence[HandedSample]]] = deque()
@@ -64,10 +64,10 @@ class Observer:
                 self.received.append(received.message)
 
     def forget_old_samples(self) -> None:
-        """Wait no longer for the fates of samples whose turn has passed."""
+        """Wait no longer for the outcomes of samples whose turn has passed."""
         now_us = self._vehicle.clock.micros64()
         while self._waiting and self._waiting[0][0] <= now_us:
-            self._fates.forget(self._waiting.popleft()[1])
+            self._outcomes.forget(self._waiting.popleft()[1])
 
     def _take_record(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         fields = dict(zip(structure.fields, values, strict=True))
@@ -85,14 +85,14 @@ class Observer:
             self.sent.append(StreamMessage(event.now_us, header.frame))
             if self._vehicle.source.airframe is not None:
                 self.truths.append((event.now_us, self._vehicle.source.airframe.state))
-        samples = self._fates.take_handed()
+        samples = self._outcomes.take_handed()
         verdict = MessageVerdict(
             event.now_us,
             event.name,
             None if header is None else header.system_id,
             None if header is None else header.component_id,
             event.message,
-            event.verdict.outcome,
+            event.verdict.kind,
             rule.code,
             rule.text,
             rule.source,
@@ -102,4 +102,4 @@ class Observer:
         self._of_message.clear()
         self.verdicts.append(verdict)
         if samples:
-            self._waiting.append((event.now_us + FATE_WAIT_US, samples))
+            self._waiting.append((event.now_us + OUTCOME_WAIT_US, samples))

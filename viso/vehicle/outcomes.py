@@ -22,7 +22,7 @@ from ekf_stub.reports import AidingMode
 from viso.vehicle.vehicle import Vehicle
 
 
-class Fate(StrEnum):
+class OutcomeKind(StrEnum):
     """What the filter did with a sample in the end.
 
     FUSED: it was used. RESET: the filter was set to it. UNUSED: its source is not in use. REJECTED: a gate held it
@@ -37,21 +37,21 @@ class Fate(StrEnum):
     REFUSED = "refused"
 
 
-_FATES: Final[Mapping[str, Fate]] = MappingProxyType(
+_KINDS: Final[Mapping[str, OutcomeKind]] = MappingProxyType(
     {
-        rules.FUSED.code: Fate.FUSED,
-        rules.RESET_TO.code: Fate.RESET,
-        rules.ALIGNED_TO.code: Fate.RESET,
-        rules.UNUSED.code: Fate.UNUSED,
-        rules.NOT_FINITE.code: Fate.REJECTED,
-        rules.GATE_POSITION.code: Fate.REJECTED,
-        rules.GATE_VELOCITY.code: Fate.REJECTED,
-        rules.GATE_HEIGHT.code: Fate.REJECTED,
-        rules.GATE_YAW.code: Fate.REJECTED,
-        rules.GATE_ODOMETRY.code: Fate.REJECTED,
-        rules.OVERWRITTEN.code: Fate.LOST,
-        rules.SUPERSEDED.code: Fate.LOST,
-        rules.TOO_OLD.code: Fate.LOST,
+        rules.FUSED.code: OutcomeKind.FUSED,
+        rules.RESET_TO.code: OutcomeKind.RESET,
+        rules.ALIGNED_TO.code: OutcomeKind.RESET,
+        rules.UNUSED.code: OutcomeKind.UNUSED,
+        rules.NOT_FINITE.code: OutcomeKind.REJECTED,
+        rules.GATE_POSITION.code: OutcomeKind.REJECTED,
+        rules.GATE_VELOCITY.code: OutcomeKind.REJECTED,
+        rules.GATE_HEIGHT.code: OutcomeKind.REJECTED,
+        rules.GATE_YAW.code: OutcomeKind.REJECTED,
+        rules.GATE_ODOMETRY.code: OutcomeKind.REJECTED,
+        rules.OVERWRITTEN.code: OutcomeKind.LOST,
+        rules.SUPERSEDED.code: OutcomeKind.LOST,
+        rules.TOO_OLD.code: OutcomeKind.LOST,
     }
 )
 RULES_BY_CODE: Final[Mapping[str, Rule]] = MappingProxyType({rule.code: rule for rule in rules.RULES})
@@ -61,7 +61,7 @@ FilterCounts = Mapping[tuple[str, str], int]
 
 
 def is_final(rule: Rule) -> bool:
-    """Return whether a rule decides about a sample for good; one that was only let in has its fate before it."""
+    """Return whether a rule decides about a sample for good; one that was only let in has its outcome before it."""
     return rule is not rules.TAKEN
 
 
@@ -70,20 +70,20 @@ def is_model(rule: Rule) -> bool:
     return rule.code.startswith("model_")
 
 
-def fate_of(rule: Rule) -> Fate:
+def outcome_kind(rule: Rule) -> OutcomeKind:
     """Return what a rule that is final means for a sample."""
-    return _FATES.get(rule.code, Fate.REFUSED)
+    return _KINDS.get(rule.code, OutcomeKind.REFUSED)
 
 
 def why(rule: Rule) -> str:
-    """Return the reason of a fate, where the fate itself stands beside it."""
-    return rule.text.removeprefix(f"{fate_of(rule).value}: ")
+    """Return the reason of an outcome, where the outcome itself stands beside it."""
+    return rule.text.removeprefix(f"{outcome_kind(rule).value}: ")
 
 
 def what_became(rule: Rule) -> str:
-    """Return fate and reason in words."""
-    fate = fate_of(rule).value
-    return rule.text if rule.text.startswith(fate) else f"{fate}: {rule.text}"
+    """Return outcome and reason in words."""
+    outcome = outcome_kind(rule).value
+    return rule.text if rule.text.startswith(outcome) else f"{outcome}: {rule.text}"
 
 
 def sentence(outcome: FilterOutcome) -> str:
@@ -103,7 +103,7 @@ def as_dict(outcome: FilterOutcome) -> dict[str, object]:
     return {
         "kind": outcome.kind,
         "observed_ms": outcome.time_ms,
-        "outcome": fate_of(rule).value,
+        "outcome": outcome_kind(rule).value,
         "rule": rule.code,
         "reason": rule.text,
         "ratio": None if ratio is None or not math.isfinite(ratio) else round(ratio, 4),
@@ -119,7 +119,7 @@ def final_counts(counts: FilterCounts) -> list[tuple[str, Rule, int]]:
 
 UNITS: Final = {"pose": "m", "height": "m", "yaw": "deg", "velocity": "m/s", "odometry": "m/s"}
 """Of innovations, by kind of sample."""
-_REJECTED: Final = Fate.REJECTED  # in Python 3.11 it takes 0.1 us to look up a member of an enumeration
+_REJECTED: Final = OutcomeKind.REJECTED  # in Python 3.11 it takes 0.1 us to look up a member of an enumeration
 
 
 class SampleTest(NamedTuple):
@@ -194,7 +194,7 @@ class FilterWatch:
         kind, rule, _, ratio, innovation = outcome
         if ratio is not None and innovation is not None:
             of_kind = self.innovations.get(kind) or self.innovations.setdefault(kind, Innovations())
-            of_kind.add(innovation, ratio, is_rejected=fate_of(rule) is _REJECTED)
+            of_kind.add(innovation, ratio, is_rejected=outcome_kind(rule) is _REJECTED)
         test = SampleTest(self._clock.micros64(), outcome)
         for listener in self.listeners:
             listener(test)
@@ -223,33 +223,33 @@ class FilterWatch:
         return [AidingSpan(start_us, end_us, mode) for (start_us, mode), end_us in zip(self._modes, ends, strict=True)]
 
 
-FATE_WAIT_US: Final = 500_000
-"""How long a message waits for the fates of its samples in the filter; that takes some 60 to 250 ms."""
+OUTCOME_WAIT_US: Final = 500_000
+"""How long a message waits for the outcomes of its samples in the filter; that takes some 60 to 250 ms."""
 
 
 @dataclass(eq=False, slots=True)
 class HandedSample:
     """A sample that a message handed to the filter, and its outcome so far.
 
-    A pose has two fates where height comes from it as well: ``pose``, of its north and east, and ``height``.
+    A pose has two outcomes where height comes from it as well: ``pose``, of its north and east, and ``height``.
     """
 
     kind: str
     observed_ms: int
-    fates: list[SampleTest] = field(default_factory=list)
+    outcomes: list[SampleTest] = field(default_factory=list)
 
     @property
     def is_settled(self) -> bool:
         """Return whether the filter has decided about it."""
-        return any(fate.outcome.kind == self.kind for fate in self.fates)
+        return any(test.outcome.kind == self.kind for test in self.outcomes)
 
-    def fates_as_dicts(self) -> list[dict[str, object]]:
-        """Return its fates for machines, each with its time in us since boot."""
-        return [{"time_us": fate.time_us, **as_dict(fate.outcome)} for fate in self.fates]
+    def outcomes_as_dicts(self) -> list[dict[str, object]]:
+        """Return its outcomes for machines, each with its time in us since boot."""
+        return [{"time_us": test.time_us, **as_dict(test.outcome)} for test in self.outcomes]
 
 
-class SampleFates:
-    """Brings samples and their fates together; a listener of ``FilterWatch``.
+class SampleOutcomes:
+    """Brings samples and their outcomes together; a listener of ``FilterWatch``.
 
     Samples leave the filter in the order in which they came, so those of one kind and time are told apart by that.
     """
@@ -265,16 +265,16 @@ class SampleFates:
             sample = HandedSample(kind, observed_ms)
             self._handed.append(sample)
             self._waiting[kind, observed_ms].append(sample)
-        elif fate_of(rule) is Fate.REFUSED:
+        elif outcome_kind(rule) is OutcomeKind.REFUSED:
             self._handed.append(HandedSample(kind, observed_ms, [test]))
         elif kind == "height":
             # Of several poses of one time only the last is used.
             for sample in self._waiting.get(("pose", observed_ms), [])[-1:]:
-                sample.fates.append(test)
+                sample.outcomes.append(test)
         else:
             for sample in self._waiting.get((kind, observed_ms), ()):
                 if not sample.is_settled:
-                    sample.fates.append(test)
+                    sample.outcomes.append(test)
                     break
 
     def take_handed(self) -> tuple[HandedSample, ...]:
@@ -283,7 +283,7 @@ class SampleFates:
         return handed
 
     def forget(self, samples: Iterable[HandedSample]) -> None:
-        """Stop waiting for the fates of samples."""
+        """Stop waiting for the outcomes of samples."""
         for sample in samples:
             waiting = self._waiting.get((sample.kind, sample.observed_ms), [])
             if sample in waiting:

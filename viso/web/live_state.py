@@ -17,7 +17,7 @@ from ap_core.param import ParamFlag, ParamTable
 from ap_core.param_group import ParamSlot
 from ap_core.param_info import ParamValue
 from mav_handlers.endpoint import MessageEvent
-from viso.vehicle.outcomes import UNITS, Fate, SampleTest, fate_of, is_final, is_model
+from viso.vehicle.outcomes import UNITS, OutcomeKind, SampleTest, is_final, is_model, outcome_kind
 from viso.web.diagnosis import RecentFrames
 from viso.web.faults import SWITCHES
 from viso.web.rates import Rates
@@ -172,7 +172,7 @@ class LiveState:
         self._rates.take_message(event)
         self._recent.take(event)
         sender = "" if header is None else f"{header.system_id}:{header.component_id}"
-        key = RunKey(link, event.name, sender, event.verdict.outcome.value, rule.code)
+        key = RunKey(link, event.name, sender, event.verdict.kind.value, rule.code)
         self._runs.take(key, {"reason": rule.text, "source": rule.source, "model": False}, event.now_us)
 
     def take_sample(self, test: SampleTest) -> None:
@@ -181,13 +181,13 @@ class LiveState:
         self._rates.take_sample(test)
         if not is_final(rule):
             return
-        fate = fate_of(rule)
-        key = RunKey(FILTER, outcome.kind, "", fate.value, rule.code)
+        what = outcome_kind(rule)
+        key = RunKey(FILTER, outcome.kind, "", what.value, rule.code)
         about = {"reason": rule.text, "source": rule.source, "model": is_model(rule)}
         self._runs.take(key, about, test.time_us)
         if outcome.innovation is not None and outcome.ratio is not None:
             of_kind = self._innovations.setdefault(outcome.kind, _Innovation())
-            of_kind.add(outcome.innovation, outcome.ratio, is_rejected=fate is Fate.REJECTED)
+            of_kind.add(outcome.innovation, outcome.ratio, is_rejected=what is OutcomeKind.REJECTED)
 
     def take_record(self, has_position: bool, values: Sequence[LogValue]) -> None:
         """Take a VISP or a VISV record: its values, TimeUS first."""

@@ -6,14 +6,14 @@ from collections import Counter, deque
 from collections.abc import Iterable
 from typing import Any, Final
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.endpoint import BAD_DATA_NAME, MessageEvent
-from viso.vehicle.outcomes import FATE_WAIT_US, Fate, HandedSample, SampleFates, SampleTest, fate_of
+from viso.vehicle.outcomes import OUTCOME_WAIT_US, HandedSample, OutcomeKind, SampleOutcomes, SampleTest, outcome_kind
 
 WINDOW_US: Final = 2_000_000
 OFFERED: Final = "offered"
 FUSED: Final = "fused"
-_USED: Final = (Fate.FUSED, Fate.RESET)
+_USED: Final = (OutcomeKind.FUSED, OutcomeKind.RESET)
 
 
 class Rates:
@@ -23,7 +23,7 @@ class Rates:
     """
 
     def __init__(self) -> None:
-        self._fates = SampleFates()
+        self._outcomes = SampleOutcomes()
         self._waiting: deque[tuple[int, str, tuple[HandedSample, ...]]] = deque()
         self._marks: deque[tuple[int, str, str]] = deque()
         self._recent: Counter[tuple[str, str]] = Counter()
@@ -32,15 +32,15 @@ class Rates:
 
     def take_sample(self, test: SampleTest) -> None:
         """Note what the filter did with a sample."""
-        self._fates.take(test)
+        self._outcomes.take(test)
 
     def take_message(self, event: MessageEvent) -> None:
         """Note a message, after the filter has taken or refused its samples."""
-        handed = self._fates.take_handed()
+        handed = self._outcomes.take_handed()
         if event.name == BAD_DATA_NAME:
             return
         self._mark(event.now_us, event.name, OFFERED)
-        self._mark(event.now_us, event.name, event.verdict.outcome.value)
+        self._mark(event.now_us, event.name, event.verdict.kind.value)
         if handed:
             self._waiting.append((event.now_us, event.name, handed))
 
@@ -51,7 +51,7 @@ class Rates:
 
     def restart(self) -> None:
         """Restart, as time does; what was counted in all stays."""
-        self._fates = SampleFates()
+        self._outcomes = SampleOutcomes()
         self._waiting.clear()
         self._marks.clear()
         self._recent.clear()
@@ -62,10 +62,10 @@ class Rates:
         for time_us, name, samples in self._waiting:
             if _is_used(samples):
                 self._mark(now_us, name, FUSED)
-            elif now_us - time_us < FATE_WAIT_US and not all(sample.is_settled for sample in samples):
+            elif now_us - time_us < OUTCOME_WAIT_US and not all(sample.is_settled for sample in samples):
                 still.append((time_us, name, samples))
                 continue
-            self._fates.forget(samples)
+            self._outcomes.forget(samples)
         self._waiting = still
 
     def rows(self, now_us: int) -> list[dict[str, Any]]:
@@ -75,7 +75,7 @@ class Rates:
             _, name, what = self._marks.popleft()
             self._recent[name, what] -= 1
         span_s = max(min(now_us, WINDOW_US), 100_000) / 1e6
-        kinds = (OFFERED, *(outcome.value for outcome in Outcome), FUSED)
+        kinds = (OFFERED, *(outcome.value for outcome in VerdictKind), FUSED)
         names = sorted({name for name, _ in self._total})
         return [
             {
@@ -88,4 +88,4 @@ class Rates:
 
 
 def _is_used(samples: Iterable[HandedSample]) -> bool:
-    return any(fate_of(fate.outcome.rule) in _USED for sample in samples for fate in sample.fates)
+    return any(outcome_kind(test.outcome.rule) in _USED for sample in samples for test in sample.outcomes)

@@ -17,7 +17,7 @@ from typing import Any, Final, Generic, TypeVar
 import numpy as np
 
 from ap_core.param_info import MAX_NAME_SIZE
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.channel import Channel, Context
 from mav_handlers.handlers.commands import MavCmd, MavResult, handle_command_long
 from mav_handlers.handlers.params import handle_param_set
@@ -254,7 +254,7 @@ class RequestQueue:
         message = COMMAND_LONG(0, 0, action.command, 0, *seven)
         verdict = handle_command_long(self._context(vehicle, message), message)
         results = [reply.result for reply in self._replies(vehicle) if isinstance(reply, COMMAND_ACK)]
-        ok = verdict.outcome is Outcome.HANDLED and results == [MavResult.ACCEPTED]
+        ok = verdict.kind is VerdictKind.HANDLED and results == [MavResult.ACCEPTED]
         return ok, f"{action.label}: {_RESULTS.get(results[-1] if results else -1, 'failed')}"
 
     def _context(self, vehicle: Vehicle, message: Message) -> Context:

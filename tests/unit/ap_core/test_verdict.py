@@ -7,13 +7,13 @@ import json
 
 import pytest
 
-from ap_core.verdict import Outcome, Rule, Verdict
+from ap_core.verdict import Rule, Verdict, VerdictKind
 
 RULE = Rule("too_old", "the sample is too old", "File.cpp, function")
 
 
 def test_verdict_is_written_with_the_fields_of_its_rule() -> None:
-    assert Verdict(Outcome.IGNORED, RULE).as_dict() == {
+    assert Verdict(VerdictKind.IGNORED, RULE).as_dict() == {
         "outcome": "ignored",
         "rule": "too_old",
         "reason": "the sample is too old",
@@ -21,19 +21,19 @@ def test_verdict_is_written_with_the_fields_of_its_rule() -> None:
     }
 
 
-@pytest.mark.parametrize("outcome", Outcome)
-def test_outcome_is_json(outcome: Outcome) -> None:
+@pytest.mark.parametrize("outcome", VerdictKind)
+def test_outcome_is_json(outcome: VerdictKind) -> None:
     assert json.loads(json.dumps(Verdict(outcome, RULE).as_dict()))["outcome"] == str(outcome)
 
 
 def test_outcomes() -> None:
-    assert set(Outcome) == {"accepted", "ignored", "dropped", "handled"}
+    assert set(VerdictKind) == {"accepted", "ignored", "dropped", "handled"}
 
 
 def test_verdict_cannot_be_changed() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
-        Verdict(Outcome.ACCEPTED, RULE).outcome = Outcome.DROPPED  # type: ignore[misc]  # what is tested
+        Verdict(VerdictKind.ACCEPTED, RULE).kind = VerdictKind.DROPPED  # type: ignore[misc]  # what is tested
 
 
 def test_equal_verdicts_are_equal() -> None:
-    assert Verdict(Outcome.ACCEPTED, RULE) == Verdict(Outcome.ACCEPTED, dataclasses.replace(RULE))
+    assert Verdict(VerdictKind.ACCEPTED, RULE) == Verdict(VerdictKind.ACCEPTED, dataclasses.replace(RULE))

@@ -4,22 +4,22 @@
 
 import pytest
 
-from ap_core.verdict import Outcome, Verdict
+from ap_core.verdict import Verdict, VerdictKind
 from ap_visualodom.verdicts import CONSUMED, DISABLED, NO_BACKEND, QUALITY_BELOW_MIN, RESET_SETTLING, VERDICTS
 
 
 @pytest.mark.parametrize(
     ("verdict", "outcome", "code"),
     [
-        (CONSUMED, Outcome.ACCEPTED, "consumed"),
-        (DISABLED, Outcome.DROPPED, "viso_disabled"),
-        (NO_BACKEND, Outcome.DROPPED, "no_backend"),
-        (QUALITY_BELOW_MIN, Outcome.IGNORED, "quality_below_min"),
-        (RESET_SETTLING, Outcome.IGNORED, "reset_settling"),
+        (CONSUMED, VerdictKind.ACCEPTED, "consumed"),
+        (DISABLED, VerdictKind.DROPPED, "viso_disabled"),
+        (NO_BACKEND, VerdictKind.DROPPED, "no_backend"),
+        (QUALITY_BELOW_MIN, VerdictKind.IGNORED, "quality_below_min"),
+        (RESET_SETTLING, VerdictKind.IGNORED, "reset_settling"),
     ],
 )
-def test_outcome_and_code(verdict: Verdict, outcome: Outcome, code: str) -> None:
-    assert (verdict.outcome, verdict.rule.code) == (outcome, code)
+def test_outcome_and_code(verdict: Verdict, outcome: VerdictKind, code: str) -> None:
+    assert (verdict.kind, verdict.rule.code) == (outcome, code)
 
 
 def test_table_lists_every_verdict() -> None:

@@ -92,7 +92,7 @@ class FilterRig:
         ground: how far below the origin the ground is, m.
         flying_ms, is_late: what passes say of the vehicle.
         said: time in ms and text of all that was said, the first core's without a name.
-        fates, fate_times_ms: kind and code of all that became of samples, and when those were observed.
+        outcomes, outcome_times_ms: kind and code of all that became of samples, and when those were observed.
         tested: kind, code, ratio and innovation of those that were tested.
     """
 
@@ -151,8 +151,8 @@ class FilterRig:
         self.ground = 0.1
         self.flying_ms, self.is_late = 0, False
         self.said: list[tuple[int, str]] = []
-        self.fates: list[tuple[str, str]] = []
-        self.fate_times_ms: list[int] = []
+        self.outcomes: list[tuple[str, str]] = []
+        self.outcome_times_ms: list[int] = []
         self.tested: list[tuple[str, str, float, float]] = []
 
     # Parameters
@@ -261,8 +261,8 @@ class FilterRig:
             if core.number == 0:
                 for outcome in core.events.outcomes:
                     kind, code = KINDS[outcome.kind], RULES[outcome.rule].code
-                    self.fates.append((kind, code))
-                    self.fate_times_ms.append(outcome.time_ms)
+                    self.outcomes.append((kind, code))
+                    self.outcome_times_ms.append(outcome.time_ms)
                     if outcome.ratio >= 0.0:
                         self.tested.append((kind, code, outcome.ratio, outcome.innovation))
             core.events.outcomes.clear()
@@ -448,17 +448,17 @@ class FilterRig:
 
     def became(self) -> list[tuple[str, str]]:
         """Return what became of samples in the filter since the last call."""
-        fates = [fate for fate in self.fates if fate[1].startswith("model_")]
-        self.fates.clear()
-        self.fate_times_ms.clear()
+        outcomes = [outcome for outcome in self.outcomes if outcome[1].startswith("model_")]
+        self.outcomes.clear()
+        self.outcome_times_ms.clear()
         self.tested.clear()
-        return fates
+        return outcomes
 
     def forget(self) -> None:
         """Forget all that was said and that became of samples."""
         self.said.clear()
-        self.fates.clear()
-        self.fate_times_ms.clear()
+        self.outcomes.clear()
+        self.outcome_times_ms.clear()
         self.tested.clear()
 
     def last_test(self, kind: str) -> tuple[str, Any, Any]:

@@ -488,6 +488,6 @@ def test_same_input_gives_the_same_output() -> None:
         rig = started("flight").make()
         rig.accel_ned, rig.yaw_rate = (0.3, -0.2, 0.1), 0.4
         rig.run(1.0)
-        return rig.report, rig.texts, rig.fates, rig.covariance().tobytes()
+        return rig.report, rig.texts, rig.outcomes, rig.covariance().tobytes()
 
     assert run() == run()

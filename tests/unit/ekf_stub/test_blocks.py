@@ -64,17 +64,17 @@ def flown(cores: int, sizes: list[int], *, clears: bool) -> tuple[Any, ...]:
     ]
     outputs = [(core.output.now.quat, core.output.now.vel, core.output.now.pos) for core in rig.lanes.cores]
     variances = [core.state.cov.variances() for core in rig.lanes.cores]
-    texts, fates = [text for _, text in rig.said], (rig.fates, rig.fate_times_ms, rig.tested)
-    return states, outputs, variances, texts, fates, rig.lanes.primary, rig.lanes.error_scores
+    texts, outcomes = [text for _, text in rig.said], (rig.outcomes, rig.outcome_times_ms, rig.tested)
+    return states, outputs, variances, texts, outcomes, rig.lanes.primary, rig.lanes.error_scores
 
 
 @pytest.mark.parametrize("cores", [1, 2])
 def test_something_happens_meanwhile(cores: int) -> None:
-    states, _, _, texts, fates, _, _ = flown(cores, [1], clears=True)
+    states, _, _, texts, outcomes, _, _ = flown(cores, [1], clears=True)
     assert {"tilt alignment complete", "MAG0 initial yaw alignment complete", "is using external nav data"} <= set(
         texts
     )
-    assert len(fates[0]) > 100
+    assert len(outcomes[0]) > 100
     assert len(states) == cores
 
 

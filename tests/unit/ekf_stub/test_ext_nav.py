@@ -33,10 +33,10 @@ NAMES = {"camera": "pose", "velocity": "velocity", "odometry": "odometry"}
 
 def say(rig: FilterRig, kind: str, stamp_ms: int, delay_ms: int = DELAY_MS) -> str:
     """Let the camera say something; return what becomes of it at once."""
-    rig.fates.clear()
-    rig.fate_times_ms.clear()
+    rig.outcomes.clear()
+    rig.outcome_times_ms.clear()
     getattr(rig, kind)(stamp_ms=stamp_ms, delay_ms=delay_ms)
-    return rig.fates[0][1]
+    return rig.outcomes[0][1]
 
 
 # What is taken
@@ -46,7 +46,7 @@ def say(rig: FilterRig, kind: str, stamp_ms: int, delay_ms: int = DELAY_MS) -> s
 def test_sample_is_taken(kind: str) -> None:
     rig = standing()
     assert say(rig, kind, rig.now_ms) == "taken"
-    assert rig.fates[0][0] == NAMES[kind]
+    assert rig.outcomes[0][0] == NAMES[kind]
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_pose_of_which_something_is_no_number_leaves_no_trace() -> None:
     for bad in ((NAN, 0.0, 0.0), (0.0, 0.0, NAN)):
         rig.camera(*bad)
     rig.camera(err=NAN)
-    assert rig.fates == [("pose", "nan")] * 3
+    assert rig.outcomes == [("pose", "nan")] * 3
     assert not rig.core.ext_nav.have_pose
     assert say(rig, "camera", rig.now_ms) == "taken"  # so that the next does not come too soon
 
@@ -77,10 +77,10 @@ def test_pose_of_which_something_is_no_number_leaves_no_trace() -> None:
 def test_pose_without_a_yaw_gives_its_position_alone(bad: dict[str, float]) -> None:
     rig = standing()
     rig.camera(**bad)
-    assert rig.fates == [("pose", "taken"), ("yaw", "yaw_nan")]
+    assert rig.outcomes == [("pose", "taken"), ("yaw", "yaw_nan")]
     rig.run(0.2)
     assert not rig.core.yaw.aligned
-    assert ("height", "model_fused") in rig.fates
+    assert ("height", "model_fused") in rig.outcomes
 
 
 def test_velocity_and_odometry_of_which_something_is_no_number_are_refused() -> None:
@@ -88,7 +88,7 @@ def test_velocity_and_odometry_of_which_something_is_no_number_are_refused() -> 
     rig.velocity(0.0, NAN, 0.0)
     rig.velocity(err=NAN)
     rig.odometry(has_nan=True)
-    assert rig.fates == [("velocity", "nan"), ("velocity", "nan"), ("odometry", "nan")]
+    assert rig.outcomes == [("velocity", "nan"), ("velocity", "nan"), ("odometry", "nan")]
     assert not rig.core.ext_nav.have_velocity
 
 
@@ -97,7 +97,7 @@ def test_odometry_must_span_a_step(del_time: float, rule: str) -> None:
     # The firmware's step is 0.0125 in single precision, which is a little more.
     rig = standing()
     rig.odometry(del_time=del_time)
-    assert rig.fates == [("odometry", rule)]
+    assert rig.outcomes == [("odometry", rule)]
 
 
 # How often
@@ -147,7 +147,7 @@ def test_interval_of_odometry_is_shorter_by_its_delay(delay_ms: int, later_ms: i
 def test_observation_is_the_stamp_less_delay_and_half_a_step(kind: str, by_ms: int) -> None:
     rig = standing()
     say(rig, kind, rig.now_ms, delay_ms=30)
-    assert rig.fate_times_ms[0] == rig.now_ms - by_ms
+    assert rig.outcome_times_ms[0] == rig.now_ms - by_ms
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -156,9 +156,9 @@ def test_what_comes_late_is_of_the_horizon_but_for_odometry(kind: str) -> None:
     rig.step()
     say(rig, kind, rig.now_ms - 1000)
     of_horizon = rig.core.ext_nav.horizon_ms
-    assert rig.fate_times_ms[0] == (rig.now_ms - 1000 - DELAY_MS if kind == "odometry" else of_horizon)
+    assert rig.outcome_times_ms[0] == (rig.now_ms - 1000 - DELAY_MS if kind == "odometry" else of_horizon)
     rig.run(0.05)
-    lost = (NAMES[kind], "model_too_old") in rig.fates
+    lost = (NAMES[kind], "model_too_old") in rig.outcomes
     assert lost is (kind == "odometry")
 
 
@@ -173,7 +173,10 @@ def test_sample_from_the_future_waits_and_blocks_those_after_it() -> None:
     rig.run(0.8)
     assert rig.became() == []
     rig.run(0.3)
-    assert [fate for fate in rig.became() if fate[0] == "pose"] == [("pose", "model_too_old"), ("pose", "model_fused")]
+    assert [outcome for outcome in rig.became() if outcome[0] == "pose"] == [
+        ("pose", "model_too_old"),
+        ("pose", "model_fused"),
+    ]
 
 
 def test_yaw_error_is_at_least_5_degrees() -> None:
@@ -191,13 +194,13 @@ def test_full_buffer_gives_up_its_oldest() -> None:
     rig = standing()
     for number in range(6):
         say(rig, "camera", rig.now_ms + 20 * number)
-    assert rig.fates == [
+    assert rig.outcomes == [
         ("pose", "model_overwritten"),
         ("pose", "taken"),
         ("yaw", "model_overwritten"),
         ("yaw", "taken"),
     ]
-    assert rig.fate_times_ms[0] == rig.now_ms - DELAY_MS - HALF_STEP_MS
+    assert rig.outcome_times_ms[0] == rig.now_ms - DELAY_MS - HALF_STEP_MS
 
 
 def test_newest_sample_that_comes_due_supersedes_the_others() -> None:
@@ -240,8 +243,8 @@ def test_infinite_sample_is_told_of_and_not_believed(value: float) -> None:
     rig.velocity(0.0, value, 0.0)
     rig.odometry(0.0, 0.0, value)
     rig.run(0.2)
-    fates = rig.became()
-    assert [kind for kind, code in fates if code == "model_not_finite"] == ["yaw", "pose", "velocity", "odometry"]
+    outcomes = rig.became()
+    assert [kind for kind, code in outcomes if code == "model_not_finite"] == ["yaw", "pose", "velocity", "odometry"]
     assert rig.core.state.pos == pytest.approx(before, abs=0.01)  # it has gone on by its velocity
 
 
@@ -415,7 +418,7 @@ def test_every_sample_that_is_taken_leaves_once(kind: str, steps: list[tuple[int
         rig.run(0.02 * passes)
     rig.run(0.6)
     taken, left = Counter[int](), Counter[int]()
-    for (what, code), time_ms in zip(rig.fates, rig.fate_times_ms, strict=True):
+    for (what, code), time_ms in zip(rig.outcomes, rig.outcome_times_ms, strict=True):
         if what == kind and code == "taken":
             taken[time_ms] += 1
         elif what == kind and code.startswith("model_"):
@@ -433,6 +436,6 @@ def test_samples_go_on_across_the_wrap_of_milliseconds() -> None:
     rig.feeds.add("camera")
     rig.run(6.0)
     assert rig.core.flags == NAVIGATING
-    assert {code for kind, code in rig.fates if kind == "pose"} <= {
+    assert {code for kind, code in rig.outcomes if kind == "pose"} <= {
         "not_initialised", "taken", "model_fused", "model_unused", "model_superseded"
     }  # fmt: skip

@@ -321,5 +321,5 @@ def test_told_height_of_the_origin_has_been_through_single_precision(alt_cm: int
 def test_sources_that_name_no_camera_leave_it_without_buffers() -> None:
     rig = standing("33131")
     rig.camera()
-    assert rig.fates == [("pose", "no_buffer"), ("yaw", "no_buffer")]
+    assert rig.outcomes == [("pose", "no_buffer"), ("yaw", "no_buffer")]
     assert not EkfSources(lambda _name: 3).ext_nav_enabled()

@@ -4,7 +4,7 @@
 
 import pytest
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel, ParamListState
 from mav_handlers.schedule import NEVER_MS
 from mav_handlers.verdicts import BAD_PREFIX, HANDLED
@@ -153,8 +153,8 @@ def test_verdicts_are_counted_by_message_and_rule() -> None:
     channel.count("HEARTBEAT", HANDLED)
     channel.count("BAD_DATA", BAD_PREFIX, 17)
     assert channel.counters == {
-        ("HEARTBEAT", Outcome.HANDLED, "handled"): 2,
-        ("BAD_DATA", Outcome.DROPPED, "bad_prefix"): 17,
+        ("HEARTBEAT", VerdictKind.HANDLED, "handled"): 2,
+        ("BAD_DATA", VerdictKind.DROPPED, "bad_prefix"): 17,
     }
 
 

@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from ap_core.internal_error import InternalError
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES
 from mav_handlers.endpoint import EVENTS_KEPT, MessageEvent
 from mav_handlers.verdicts import (
@@ -217,11 +217,11 @@ class TestAdmission:
     @pytest.mark.parametrize("component_id", [0, 2, 197, 255])
     def test_own_system_with_another_component_is_processed(self, client: "Client", component_id: int) -> None:
         client.codec = Codec(1, component_id)
-        assert client.tell(SPEED).outcome is Outcome.ACCEPTED
+        assert client.tell(SPEED).kind is VerdictKind.ACCEPTED
 
     def test_vision_data_is_taken_from_any_sender(self, client: "Client") -> None:
         client.codec = Codec(77, 33)
-        assert client.tell(SPEED).outcome is Outcome.ACCEPTED
+        assert client.tell(SPEED).kind is VerdictKind.ACCEPTED
 
     def test_message_for_another_system_is_dropped(self, bench: "Bench", client: "Client") -> None:
         assert client.tell(COMMAND_LONG(2, 1, 401, 0, *(0.0,) * 7)) is NOT_ADDRESSED
@@ -247,12 +247,12 @@ class TestAdmission:
         assert client.command(401, target=(42, 1)) == 0
 
     def test_option_bit_0_admits_the_ground_station(self, make_bench: "MakeBench") -> None:
-        assert make_bench(MAV_OPTIONS=1).client.tell(SPEED).outcome is Outcome.ACCEPTED
+        assert make_bench(MAV_OPTIONS=1).client.tell(SPEED).kind is VerdictKind.ACCEPTED
 
     def test_option_bit_0_admits_the_own_system(self, make_bench: "MakeBench") -> None:
         client = make_bench(MAV_OPTIONS=1).client
         client.codec = Codec(1, 197)
-        assert client.tell(SPEED).outcome is Outcome.ACCEPTED
+        assert client.tell(SPEED).kind is VerdictKind.ACCEPTED
 
     def test_option_bit_0_keeps_others_out(self, make_bench: "MakeBench") -> None:
         client = make_bench(MAV_OPTIONS=1).client
@@ -280,8 +280,8 @@ class TestVerdicts:
     def test_bytes_between_frames_are_counted(self, bench: "Bench", client: "Client") -> None:
         client.send_bytes(b"012345" + client.codec.encode(hello()))
         assert bench.endpoint.verdict_counts() == {
-            ("BAD_DATA", Outcome.DROPPED, "bad_prefix"): 6,
-            ("HEARTBEAT", Outcome.HANDLED, "handled"): 1,
+            ("BAD_DATA", VerdictKind.DROPPED, "bad_prefix"): 6,
+            ("HEARTBEAT", VerdictKind.HANDLED, "handled"): 1,
         }
 
     def test_wake_up_bytes_of_a_radio_are_no_frame(self, client: "Client") -> None:
@@ -293,7 +293,7 @@ class TestVerdicts:
         frame[20] ^= 1
         [event] = client.send_bytes(bytes(frame))
         assert event.verdict is BAD_CRC
-        assert bench.endpoint.verdict_counts() == {("BAD_DATA", Outcome.DROPPED, "bad_crc"): len(frame)}
+        assert bench.endpoint.verdict_counts() == {("BAD_DATA", VerdictKind.DROPPED, "bad_crc"): len(frame)}
 
     def test_event_of_bad_bytes_has_neither_header_nor_message(self, client: "Client") -> None:
         [event] = client.send_bytes(b"abc")
@@ -313,7 +313,7 @@ class TestVerdicts:
         bench = make_bench(bauds=(None, None))
         for client in bench.clients:
             client.tell(hello())
-        assert bench.endpoint.verdict_counts() == {("HEARTBEAT", Outcome.HANDLED, "handled"): 2}
+        assert bench.endpoint.verdict_counts() == {("HEARTBEAT", VerdictKind.HANDLED, "handled"): 2}
 
     def test_bytes_and_frames_are_counted(self, client: "Client") -> None:
         frame = client.codec.encode(hello())

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The endpoint's rules."""
 
-from ap_core.verdict import Outcome, Verdict
+from ap_core.verdict import Verdict, VerdictKind
 from ap_visualodom import verdicts as port
 from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN, RESET_SETTLING
 from mav_handlers import verdicts as endpoint
@@ -20,5 +20,5 @@ def test_none_is_left_out() -> None:
 
 
 def test_all_other_rules_drop_the_message() -> None:
-    others = [verdict for verdict in ALL_VERDICTS if verdict.outcome is not Outcome.DROPPED]
+    others = [verdict for verdict in ALL_VERDICTS if verdict.kind is not VerdictKind.DROPPED]
     assert others == [CONSUMED, QUALITY_BELOW_MIN, RESET_SETTLING, HANDLED]

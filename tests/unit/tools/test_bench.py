@@ -10,7 +10,7 @@ from pathlib import Path
 import pyperf
 import pytest
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ekf_stub.inputs.ingest_rules import FUSED
 from tests.places import ROOT
 from tools.bench import BENCHES, WARM_UP_MESSAGES, FullVehicle, rows
@@ -73,7 +73,7 @@ def test_messages_are_accepted_and_logged_while_the_main_loop_stands_still(tmp_p
     flown.run(160)  # until it logs
     records = flown.vehicle.logger.records
     flown.run(3, main_loop=False)
-    accepted = [event.verdict.outcome for event in iter(flown.vehicle.endpoint.next_event, None)]
-    assert accepted == [Outcome.ACCEPTED] * 163
+    accepted = [event.verdict.kind for event in iter(flown.vehicle.endpoint.next_event, None)]
+    assert accepted == [VerdictKind.ACCEPTED] * 163
     assert flown.vehicle.logger.records >= records + 3
     flown.vehicle.close()

@@ -20,13 +20,13 @@ def test_every_row_has_a_cell_for_each_column(name: str) -> None:
     assert {row.replace("\\|", "").count("|") for row in rows} == {head.count("|")}
 
 
-def test_fates_in_the_filter_are_all_but_being_let_in() -> None:
+def test_outcomes_in_the_filter_are_all_but_being_let_in() -> None:
     _, _, *rows = render("filter_verdicts").splitlines()
     codes = [cells(row)[0].strip("| `") for row in rows]
     assert codes == [rule.code for rule in rules.RULES if rule is not rules.TAKEN]
 
 
-def test_fates_in_the_filter_say_whose_opinion_they_are() -> None:
+def test_outcomes_in_the_filter_say_whose_opinion_they_are() -> None:
     _, _, *rows = render("filter_verdicts").splitlines()
     by_code = {cells(row)[0].strip("| `"): cells(row)[1:4] for row in rows}
     assert by_code["too_soon"] == ["refused", rules.TOO_SOON.text, "exact"]

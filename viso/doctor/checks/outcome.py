@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ekf_stub.ahrs.sources import EXTNAV
 from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
 from ekf_stub.reports import AidingMode
@@ -21,7 +21,7 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY, YAW, OwnFilter, Witness
 from viso.doctor.evidence.sender_clock import time_base_us
 from viso.doctor.evidence.tracks import Floats, HandledMessage
-from viso.vehicle.outcomes import UNITS, AidingSpan, Fate, fate_of
+from viso.vehicle.outcomes import UNITS, AidingSpan, OutcomeKind, outcome_kind
 
 _CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED"
@@ -80,7 +80,7 @@ def _passed_text(evidence: Evidence, kind: str) -> str:
 
 
 def _accepted(evidence: Evidence) -> list[HandledMessage]:
-    return [one for one in evidence.stream.vision if one.verdict.outcome is Outcome.ACCEPTED]
+    return [one for one in evidence.stream.vision if one.verdict.kind is VerdictKind.ACCEPTED]
 
 
 @check(
@@ -154,10 +154,10 @@ def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[Handl
     rejected: dict[str, list[HandledMessage]] = {}
     for one in evidence.stream.vision:
         for sample in one.samples:
-            for fate in sample.fates:
-                kind, what = fate.outcome.kind, fate_of(fate.outcome.rule)
-                tested[kind] += what in (Fate.FUSED, Fate.REJECTED, Fate.RESET)
-                if what is Fate.REJECTED:
+            for test in sample.outcomes:
+                kind, what = test.outcome.kind, outcome_kind(test.outcome.rule)
+                tested[kind] += what in (OutcomeKind.FUSED, OutcomeKind.REJECTED, OutcomeKind.RESET)
+                if what is OutcomeKind.REJECTED:
                     rejected.setdefault(kind, []).append(one)
     for kind, messages in sorted(rejected.items()):
         yield kind, tested[kind], messages
@@ -265,7 +265,7 @@ def would_lose_samples(evidence: Evidence) -> Iterator[Sighting]:
     for one in evidence.stream.vision:
         for sample in one.samples:
             offered[sample.kind] += 1
-            if any(fate.outcome.rule in (OVERWRITTEN, SUPERSEDED) for fate in sample.fates):
+            if any(test.outcome.rule in (OVERWRITTEN, SUPERSEDED) for test in sample.outcomes):
                 lost.setdefault(sample.kind, []).append(one)
     for kind, messages in sorted(lost.items()):
         if len(messages) >= limits.FEWEST_REJECTED and len(messages) > limits.LOST_SAMPLES_SHARE * offered[kind]:

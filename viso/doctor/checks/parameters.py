@@ -135,7 +135,7 @@ def no_source(evidence: Evidence) -> Iterator[Sighting]:
         refused = [
             one
             for one in evidence.stream.vision
-            if any(fate.outcome.rule is NO_BUFFER for sample in one.samples for fate in sample.fates)
+            if any(test.outcome.rule is NO_BUFFER for sample in one.samples for test in sample.outcomes)
         ]
         yield Sighting(
             f"no EK3_SRCn parameter is 6 (ExtNav); {share(len(refused), len(evidence.stream.vision))} messages were in "

@@ -133,7 +133,7 @@ def _samples(evidence: Evidence, kind: str) -> tuple[list[HandledMessage], list[
         of_kind = [sample for sample in one.samples if sample.kind == kind]
         if of_kind:
             offered.append(one)
-        if any(fate.outcome.rule is TOO_SOON for sample in of_kind for fate in sample.fates):
+        if any(test.outcome.rule is TOO_SOON for sample in of_kind for test in sample.outcomes):
             refused.append(one)
     return offered, refused
 

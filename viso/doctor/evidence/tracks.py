@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ap_core.log_field import LogValue
-from ap_core.verdict import Outcome, Verdict
+from ap_core.verdict import Verdict, VerdictKind
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
     GLOBAL_VISION_POSITION_ESTIMATE,
@@ -83,7 +83,7 @@ class HandledMessage:
     @property
     def is_taken(self) -> bool:
         """Whether it reached the backend, so that it counts for health."""
-        return self.verdict.outcome in (Outcome.ACCEPTED, Outcome.IGNORED)
+        return self.verdict.kind in (VerdictKind.ACCEPTED, VerdictKind.IGNORED)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,14 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ekf_stub.reports import AidingMode
 from viso.doctor.checks import limits
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.lags import lateness_ms, shows_lags
 from viso.doctor.evidence.own_filter import CHANNELS, NOT_KNOWN, OwnFilter, Witness, source_name
 from viso.streams.stream_kinds import Aspect
-from viso.vehicle.outcomes import Fate, fate_of
+from viso.vehicle.outcomes import OutcomeKind, outcome_kind
 
 LAG_EDGES_MS: Final = (5, 10, 20, 50, 100, 200, 500)
 
@@ -77,9 +77,9 @@ class Summary:
         own: what the vehicle's own filter reported; None if nothing is recorded of it.
     """
 
-    outcomes: Mapping[tuple[str, Outcome], int]
+    outcomes: Mapping[tuple[str, VerdictKind], int]
     rate_hz: Mapping[str, float]
-    samples: Mapping[tuple[str, Fate], int]
+    samples: Mapping[tuple[str, OutcomeKind], int]
     healthy_from_us: int | None
     unhealthy: int
     aiding_from_us: int | None
@@ -96,8 +96,8 @@ class Summary:
             ],
             "rate_hz": {name: round(rate, 2) for name, rate in sorted(self.rate_hz.items())},
             "samples": [
-                {"kind": kind, "outcome": fate.value, "count": count, "model": fate is not Fate.REFUSED}
-                for (kind, fate), count in sorted(self.samples.items())
+                {"kind": kind, "outcome": outcome.value, "count": count, "model": outcome is not OutcomeKind.REFUSED}
+                for (kind, outcome), count in sorted(self.samples.items())
             ],
             "healthy_from_us": self.healthy_from_us,
             "unhealthy": self.unhealthy,
@@ -148,11 +148,11 @@ def _rates(evidence: Evidence) -> dict[str, float]:
     return {name: 1e6 * (len(at) - 1) / (at[-1] - at[0]) for name, at in spans.items() if at[-1] > at[0]}
 
 
-def _samples(evidence: Evidence) -> Counter[tuple[str, Fate]]:
-    counts: Counter[tuple[str, Fate]] = Counter()
+def _samples(evidence: Evidence) -> Counter[tuple[str, OutcomeKind]]:
+    counts: Counter[tuple[str, OutcomeKind]] = Counter()
     for one in evidence.stream.vision:
         for sample in one.samples:
-            counts.update((fate.outcome.kind, fate_of(fate.outcome.rule)) for fate in sample.fates)
+            counts.update((test.outcome.kind, outcome_kind(test.outcome.rule)) for test in sample.outcomes)
     return counts
 
 
@@ -162,7 +162,7 @@ def summarise(evidence: Evidence) -> Summary:
     aided = [span for span in evidence.trial.aiding if span.mode is not AidingMode.NONE]
     goes_on = bool(aided) and aided[-1] == evidence.trial.aiding[-1]
     return Summary(
-        outcomes=Counter((one.name, one.verdict.outcome) for one in evidence.stream.vision),
+        outcomes=Counter((one.name, one.verdict.kind) for one in evidence.stream.vision),
         rate_hz=_rates(evidence),
         samples=_samples(evidence),
         healthy_from_us=taken[0] if taken else None,

@@ -9,16 +9,16 @@ from typing import Final
 from rich.table import Column, Table
 from rich.text import Text
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from viso.doctor.checks.check import Finding, Severity
 from viso.doctor.checks.phrases import at, how_often
 from viso.doctor.output.summary import Summary
-from viso.vehicle.outcomes import Fate
+from viso.vehicle.outcomes import OutcomeKind
 
 _STYLES: Final = {Severity.ERROR: "bold red", Severity.WARNING: "bold yellow", Severity.NOTE: "bold blue"}
 _INDENT: Final = "    "
 _NARROWEST: Final = 40
-_OUTCOMES: Final = (Outcome.ACCEPTED, Outcome.IGNORED, Outcome.DROPPED)
+_OUTCOMES: Final = (VerdictKind.ACCEPTED, VerdictKind.IGNORED, VerdictKind.DROPPED)
 
 
 def finding_lines(finding: Finding, width: int | None) -> Iterator[Text]:
@@ -71,8 +71,10 @@ def summary_lines(summary: Summary) -> list[str]:
         lines = [f"The sensor would be healthy from {at(summary.healthy_from_us)} on{unhealthy}."]
     lines += [_aiding_line(summary), _own_line(summary)]
     for kind in sorted({kind for kind, _ in summary.samples}):
-        counts = [(fate, summary.samples.get((kind, fate), 0)) for fate in Fate]
-        lines.append(f"{kind} samples: " + ", ".join(f"{count} {fate.value}" for fate, count in counts if count) + ".")
+        counts = [(outcome, summary.samples.get((kind, outcome), 0)) for outcome in OutcomeKind]
+        lines.append(
+            f"{kind} samples: " + ", ".join(f"{count} {outcome.value}" for outcome, count in counts if count) + "."
+        )
     for lags in summary.lags:
         lines.append(
             f"{lags.sender}: later than the quickest around them by {lags.median_ms:.0f} ms (median), "

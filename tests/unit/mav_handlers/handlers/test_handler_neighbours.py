@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from ap_core.verdict import Outcome, Verdict
+from ap_core.verdict import Verdict, VerdictKind
 from mav_handlers.senders.sys_status import SENSOR_GPS, SENSOR_LASER_POSITION, SENSOR_OPTICAL_FLOW, sensor_bits
 from mav_handlers.verdicts import (
     ADSB_OFF,
@@ -236,7 +236,7 @@ def test_message_for_a_sensor_that_is_not_there_is_dropped_with_its_reason(
     client: "Client", message: DISTANCE_SENSOR | ADSB_VEHICLE, verdict: Verdict
 ) -> None:
     assert client.tell(message) is verdict
-    assert verdict.outcome is Outcome.DROPPED
+    assert verdict.kind is VerdictKind.DROPPED
 
 
 def test_place_of_another_vehicle_is_ignored(client: "Client") -> None:

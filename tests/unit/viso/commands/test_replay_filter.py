@@ -159,8 +159,8 @@ def test_replay_tells_machines_the_same_and_writes_lines_that_agree(viso: Viso, 
     assert len(lines) == 120
     assert set(lines[0]) == {"arrival_us", "type", "out", "verdict", "filter"}
     found: dict[tuple[str, str], int] = {}
-    for fate in (fate for line in lines for fate in line["filter"]):
-        key = fate["kind"], fate["rule"]
+    for outcome in (outcome for line in lines for outcome in line["filter"]):
+        key = outcome["kind"], outcome["rule"]
         found[key] = found.get(key, 0) + 1
     assert found == {(row["kind"], row["rule"]): row["count"] for row in answer["filter"]}
 

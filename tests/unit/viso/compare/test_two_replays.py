@@ -90,7 +90,7 @@ def test_records_may_differ_where_no_verdict_does() -> None:
 
 
 @pytest.mark.slow
-def test_fates_in_the_filter_that_differ_are_told_by_sample() -> None:
+def test_outcomes_in_the_filter_that_differ_are_told_by_sample() -> None:
     recorded = stream(*(90,) * 30, start_us=START_US)
     before, after = (run(recorded, {**SETTINGS, "EK3_SRC1_POSXY": source}, WATCHED) for source in (6, 0))
     comparison = compare_replays(before, after)

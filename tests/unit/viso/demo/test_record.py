@@ -76,7 +76,7 @@ def test_arming_is_where_it_should_be(record: LoopRecord) -> None:
     assert first == pytest.approx(ARM_S * 1e6, abs=60_000)
 
 
-def test_messages_are_told_with_their_fate(record: LoopRecord) -> None:
+def test_messages_are_told_with_their_outcome(record: LoopRecord) -> None:
     accepted = [one.message.quality for one in record.arrived if one.is_accepted]
     withheld = [one.message.quality for one in record.arrived if not one.is_accepted]
     assert min(accepted) >= 10 > max(withheld)
@@ -88,7 +88,7 @@ def test_reset_moves_the_position_once(record: LoopRecord) -> None:
     assert len(set(moved)) == 2
 
 
-def test_fates_are_final(record: LoopRecord) -> None:
+def test_outcomes_are_final(record: LoopRecord) -> None:
     accepted = sum(one.is_accepted for one in record.arrived)
-    poses = [test for test in record.fates if test.outcome.kind == "pose"]
+    poses = [test for test in record.outcomes if test.outcome.kind == "pose"]
     assert len(poses) == pytest.approx(accepted, abs=3)  # the last ones wait for their turn

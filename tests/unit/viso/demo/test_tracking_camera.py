@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import quaternion
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.reports import AidingMode, FilterFlag
 from viso.companion.trials.scripted_flight import Flight
@@ -23,7 +23,7 @@ from viso.demo.record import AUTOPILOT, Estimate
 from viso.demo.tracking_camera import ARM_S, COMPANION_START_S, END_S, FAULTS, FLIGHT, Demo, DemoResult, flight_source
 from viso.logs.logger import MemoryLog
 from viso.replay.ekf.run import EkfRun
-from viso.vehicle.outcomes import Fate, fate_of
+from viso.vehicle.outcomes import OutcomeKind, outcome_kind
 from viso.vehicle.sensors.source import ImuOptions
 
 BEGUN_S = 10
@@ -105,18 +105,18 @@ def test_yaw_differs_until_it_is_aligned(ran: Callable[[int], Ran]) -> None:
 @pytest.mark.parametrize(("code", "least", "most"), [("quality_below_min", 89, 91), ("reset_settling", 29, 32)])
 def test_samples_are_withheld(ran: Callable[[int], Ran], code: str, least: int, most: int) -> None:
     counts = ran(1).demo.vehicle.endpoint.verdict_counts()
-    assert least <= counts["ODOMETRY", Outcome.IGNORED, code] <= most
+    assert least <= counts["ODOMETRY", VerdictKind.IGNORED, code] <= most
 
 
 @pytest.mark.slow
 def test_samples_are_accepted_at_30_hz_but_for_the_faults(ran: Callable[[int], Ran]) -> None:
     counts = ran(1).demo.vehicle.endpoint.verdict_counts()
     flown = (END_S - COMPANION_START_S) * 30 - 60 - 90 - 30
-    assert counts["ODOMETRY", Outcome.ACCEPTED, "consumed"] == pytest.approx(flown, abs=5)
+    assert counts["ODOMETRY", VerdictKind.ACCEPTED, "consumed"] == pytest.approx(flown, abs=5)
 
 
 def test_nothing_is_dropped(begun: Ran) -> None:
-    assert all(outcome is not Outcome.DROPPED for _, outcome, _ in begun.demo.vehicle.endpoint.verdict_counts())
+    assert all(outcome is not VerdictKind.DROPPED for _, outcome, _ in begun.demo.vehicle.endpoint.verdict_counts())
 
 
 @pytest.mark.slow
@@ -179,10 +179,12 @@ def test_plot_is_a_picture(ran: Callable[[int], Ran], tmp_path: Path) -> None:
 # The filter
 
 
-def fates(result: DemoResult, kind: str) -> list[tuple[float, Fate]]:
-    """Return time of observation in s and fate of the samples of a kind."""
+def outcomes(result: DemoResult, kind: str) -> list[tuple[float, OutcomeKind]]:
+    """Return time of observation in s and outcome of the samples of a kind."""
     return [
-        (1e-3 * test.outcome.time_ms, fate_of(test.outcome.rule)) for test in result.fates if test.outcome.kind == kind
+        (1e-3 * test.outcome.time_ms, outcome_kind(test.outcome.rule))
+        for test in result.outcomes
+        if test.outcome.kind == kind
     ]
 
 
@@ -224,16 +226,16 @@ def test_estimate_jumps_with_the_camera_and_keeps_that(ran: Callable[[int], Ran]
 def test_wrong_places_are_rejected_by_the_gate_and_nothing_else_is(ran: Callable[[int], Ran]) -> None:
     assert FAULTS.mismatch is not None
     result = ran(1).result
-    rejected_s = [time_s for time_s, fate in fates(result, "pose") if fate is Fate.REJECTED]
+    rejected_s = [time_s for time_s, outcome in outcomes(result, "pose") if outcome is OutcomeKind.REJECTED]
     assert len(rejected_s) == pytest.approx(30, abs=1)
     assert min(rejected_s) == pytest.approx(FAULTS.mismatch.start_s, abs=0.05)
     assert max(rejected_s) == pytest.approx(FAULTS.mismatch.end_s, abs=0.05)
     for kind in ("height", "velocity", "yaw"):
-        assert Fate.REJECTED not in {fate for _, fate in fates(result, kind)}
+        assert OutcomeKind.REJECTED not in {outcome for _, outcome in outcomes(result, kind)}
 
 
 def test_yaw_of_the_camera_is_not_used_as_the_compass_is(begun: Ran) -> None:
-    assert {fate for _, fate in fates(begun.result, "yaw")} == {Fate.UNUSED}
+    assert {outcome for _, outcome in outcomes(begun.result, "yaw")} == {OutcomeKind.UNUSED}
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, ODOMETRY, VISION_SPEED_ESTIMATE, Message
 from tests.unit.viso.conftest import odometry
@@ -21,7 +21,7 @@ from viso.replay import feed
 from viso.replay.feed import Replay, ReplayedMessage, batches, makes_record
 from viso.streams.stream_kinds import Stream, StreamMessage
 from viso.vehicle.config import by_ekf3
-from viso.vehicle.outcomes import FATE_WAIT_US, FilterWatch
+from viso.vehicle.outcomes import OUTCOME_WAIT_US, FilterWatch
 from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.stream.follow import FollowSource
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -160,7 +160,7 @@ def test_replay_records_of_the_estimator_are_not_told() -> None:
 
 def test_damaged_bytes_are_told() -> None:
     (message,) = run(stream((3_000_000, b"noise")))
-    assert (message.type, message.verdict.outcome) == ("BAD_DATA", Outcome.DROPPED)
+    assert (message.type, message.verdict.kind) == ("BAD_DATA", VerdictKind.DROPPED)
 
 
 def test_progress_is_told_by_messages() -> None:
@@ -190,7 +190,7 @@ def test_same_stream_gives_the_same_lines() -> None:
 
 
 def lines(messages: Sequence[ReplayedMessage]) -> list[str]:
-    return [message.verdict.outcome.value for message in messages]
+    return [message.verdict.kind.value for message in messages]
 
 
 def test_disabled_vehicle_drops_everything() -> None:
@@ -226,15 +226,15 @@ def run_watched(recorded: Stream) -> list[dict[str, Any]]:
 
 
 @pytest.mark.slow
-def test_line_has_the_fates_of_its_samples() -> None:
+def test_line_has_the_outcomes_of_its_samples() -> None:
     line = run_watched(flown(30))[-1]
-    assert [(fate["kind"], fate["outcome"], fate["model"]) for fate in line["filter"]] == [
+    assert [(outcome["kind"], outcome["outcome"], outcome["model"]) for outcome in line["filter"]] == [
         ("pose", "fused", True),
         ("height", "fused", True),
         ("yaw", "fused", True),
         ("velocity", "fused", True),
     ]
-    delays_us = {fate["time_us"] - line["arrival_us"] for fate in line["filter"]}
+    delays_us = {outcome["time_us"] - line["arrival_us"] for outcome in line["filter"]}
     assert 0 < min(delays_us) <= max(delays_us) < 250_000
 
 
@@ -247,11 +247,11 @@ def test_line_of_a_message_without_samples_has_none() -> None:
 @pytest.mark.slow
 def test_line_tells_which_gate_rejected_a_sample() -> None:
     lines = run_watched(flown(90, jump_at=80))
-    by_pose = [{fate["kind"]: fate for fate in line["filter"]} for line in lines]
-    assert {fates["pose"]["rule"] for fates in by_pose[70:80]} == {"model_fused"}
-    assert {fates["pose"]["rule"] for fates in by_pose[80:]} == {"model_gate_position"}
-    assert min(fates["pose"]["ratio"] for fates in by_pose[80:]) > 1
-    assert {fates["velocity"]["rule"] for fates in by_pose[80:]} == {"model_fused"}
+    by_pose = [{outcome["kind"]: outcome for outcome in line["filter"]} for line in lines]
+    assert {outcomes["pose"]["rule"] for outcomes in by_pose[70:80]} == {"model_fused"}
+    assert {outcomes["pose"]["rule"] for outcomes in by_pose[80:]} == {"model_gate_position"}
+    assert min(outcomes["pose"]["ratio"] for outcomes in by_pose[80:]) > 1
+    assert {outcomes["velocity"]["rule"] for outcomes in by_pose[80:]} == {"model_fused"}
 
 
 @pytest.mark.slow
@@ -262,10 +262,10 @@ def test_lines_keep_the_order_of_the_stream() -> None:
 
 
 @pytest.mark.slow
-def test_line_is_held_back_until_its_fates_are_known() -> None:
+def test_line_is_held_back_until_its_outcomes_are_known() -> None:
     vehicle, replay = watched(flown(30))
     for message, _ in zip(replay.run(), range(25), strict=False):
-        latest_us = max(fate.time_us for sample in message.samples or () for fate in sample.fates)
+        latest_us = max(test.time_us for sample in message.samples or () for test in sample.outcomes)
         assert latest_us <= vehicle.clock.micros64() <= latest_us + 2 * PERIOD_US
 
 
@@ -278,19 +278,19 @@ def test_line_does_not_wait_for_ever() -> None:
     for message, _ in zip(replay.run(), range(20), strict=False):
         assert message.arrival_us is not None
         waited_us = vehicle.clock.micros64() - message.arrival_us
-        assert FATE_WAIT_US <= waited_us <= FATE_WAIT_US + PERIOD_US
-        kinds = {fate.outcome.kind for sample in message.samples or () for fate in sample.fates}
+        assert OUTCOME_WAIT_US <= waited_us <= OUTCOME_WAIT_US + PERIOD_US
+        kinds = {test.outcome.kind for sample in message.samples or () for test in sample.outcomes}
         assert kinds == {"pose", "velocity", "height"}
 
 
 @pytest.mark.slow
-def test_vehicle_runs_on_until_the_last_fate() -> None:
+def test_vehicle_runs_on_until_the_last_outcome() -> None:
     vehicle, replay = watched(flown(30))
     assert len(list(replay.run())) == 30
-    assert vehicle.clock.micros64() == START_US + 29 * PERIOD_US + FATE_WAIT_US
+    assert vehicle.clock.micros64() == START_US + 29 * PERIOD_US + OUTCOME_WAIT_US
 
 
-def test_unwatched_replay_ends_with_the_last_message_and_has_no_fates() -> None:
+def test_unwatched_replay_ends_with_the_last_message_and_has_no_outcomes() -> None:
     recorded = flown(3)
     vehicle = Vehicle(VehicleConfig(defaults=recorded.params))
     messages = list(Replay(vehicle, recorded, None).run())
@@ -303,8 +303,8 @@ def test_watching_changes_nothing_else() -> None:
     recorded = flown(30)
     vehicle = Vehicle(VehicleConfig(by_ekf3(FollowSource, ImuOptions()), defaults=recorded.params))
     unwatched = [message.as_dict() for message in Replay(vehicle, recorded, None).run()]
-    lines_without_fates = [{k: v for k, v in line.items() if k != "filter"} for line in run_watched(recorded)]
-    assert lines_without_fates == unwatched
+    lines_without_outcomes = [{k: v for k, v in line.items() if k != "filter"} for line in run_watched(recorded)]
+    assert lines_without_outcomes == unwatched
 
 
 def test_messages_are_judged_on_after_the_filter_has_ended() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
@@ -86,11 +86,11 @@ def test_samples_that_no_number_was_worked_out_of_do_not_count(vehicle: Vehicle)
 def test_messages_are_those_of_external_navigation() -> None:
     verdicts = Counter(
         {
-            ("ODOMETRY", Outcome.ACCEPTED, "a"): 6,
-            ("ODOMETRY", Outcome.IGNORED, "b"): 2,
-            ("ODOMETRY", Outcome.DROPPED, "c"): 2,
-            ("HEARTBEAT", Outcome.HANDLED, "d"): 50,
-            ("BAD_DATA", Outcome.DROPPED, "e"): 50,
+            ("ODOMETRY", VerdictKind.ACCEPTED, "a"): 6,
+            ("ODOMETRY", VerdictKind.IGNORED, "b"): 2,
+            ("ODOMETRY", VerdictKind.DROPPED, "c"): 2,
+            ("HEARTBEAT", VerdictKind.HANDLED, "d"): 50,
+            ("BAD_DATA", VerdictKind.DROPPED, "e"): 50,
         }
     )
     found = row(verdicts=verdicts, texts=(SaidText(0, 6, "fine"), SaidText(0, 4, "not so"), SaidText(0, 2, "bad")))
@@ -109,7 +109,7 @@ def test_what_is_withheld_counts_against_the_filter_what_it_has_no_use_for_does_
         ("yaw", rules.UNUSED.code): 99,
         ("velocity", rules.NOT_STARTED.code): 4,
     }
-    verdicts = {("ODOMETRY", Outcome.ACCEPTED, "a"): 3, ("ODOMETRY", Outcome.IGNORED, "b"): 1}
+    verdicts = {("ODOMETRY", VerdictKind.ACCEPTED, "a"): 3, ("ODOMETRY", VerdictKind.IGNORED, "b"): 1}
     found = row(filter_counts=counts, verdicts=verdicts)
     assert found["fused_share"] == 7 / 14 * 3 / 4
     assert [found[name] for name in ("rejected", "lost", "refused", "resets")] == [2, 1, 4, 1]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ap_core.location import Location
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import (
     COMMAND_ACK,
@@ -170,7 +170,7 @@ def test_verdicts_are_counted_over_restarts(make: Callable[..., Rig]) -> None:
     rig.tell(POSE)
     dropped = {key: n for key, n in rig.powered.verdict_counts().items() if key[0] == "VISION_POSITION_ESTIMATE"}
     assert list(dropped.values()) == [2]
-    assert all(key[1] is not Outcome.ACCEPTED for key in dropped)
+    assert all(key[1] is not VerdictKind.ACCEPTED for key in dropped)
 
 
 def test_losses_of_the_log_are_counted_over_restarts(make: Callable[..., Rig], tmp_path: Path) -> None:
@@ -201,7 +201,7 @@ def test_memory_store_tells_whether_anything_was_new() -> None:
     assert not store.save_if_changed({"A": 1})
 
 
-def test_fates_in_the_filter_are_counted_over_restarts(make: Callable[..., Rig]) -> None:
+def test_outcomes_in_the_filter_are_counted_over_restarts(make: Callable[..., Rig]) -> None:
     rig = make(overrides={"VISO_TYPE": 1, "EK3_SRC1_YAW": 6})
     rig.tell(POSE)
     before = dict(rig.powered.filter_counts())

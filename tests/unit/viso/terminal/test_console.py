@@ -7,16 +7,16 @@ import io
 import pytest
 from rich.console import Console
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.verdicts import ALL_VERDICTS as VERDICTS
 from viso.terminal import console
 from viso.terminal.console import VerdictCounts, progress, reason_of, verdict_rows, verdict_table
 
 COUNTS: VerdictCounts = {
-    ("ODOMETRY", Outcome.IGNORED, "quality_below_min"): 3,
-    ("HEARTBEAT", Outcome.HANDLED, "handled"): 2,
-    ("BAD_DATA", Outcome.DROPPED, "bad_crc"): 17,
-    ("ODOMETRY", Outcome.ACCEPTED, "consumed"): 5,
+    ("ODOMETRY", VerdictKind.IGNORED, "quality_below_min"): 3,
+    ("HEARTBEAT", VerdictKind.HANDLED, "handled"): 2,
+    ("BAD_DATA", VerdictKind.DROPPED, "bad_crc"): 17,
+    ("ODOMETRY", VerdictKind.ACCEPTED, "consumed"): 5,
 }
 
 

@@ -7,7 +7,7 @@ from io import StringIO
 from rich.console import Console
 from rich.table import Table
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from ekf_stub.reports import AidingMode
 from viso.terminal.filter_report import (
     aiding_rows,
@@ -39,7 +39,7 @@ def innovations() -> Innovations:
     return made
 
 
-def test_table_of_fates_says_whose_opinion_it_is() -> None:
+def test_table_of_outcomes_says_whose_opinion_it_is() -> None:
     lines = rendered(filter_table(COUNTS))
     assert "pose 2 rejected horizontal position gate a model's" in lines
     assert "pose 4 refused less than 20 ms, odometry 50 ms, after the last exact" in lines
@@ -47,7 +47,7 @@ def test_table_of_fates_says_whose_opinion_it_is() -> None:
     assert not [line for line in lines if " 9 " in line]
 
 
-def test_rows_of_fates() -> None:
+def test_rows_of_outcomes() -> None:
     assert filter_rows(COUNTS)[0] == {
         "kind": "pose",
         "outcome": "rejected",
@@ -60,7 +60,7 @@ def test_rows_of_fates() -> None:
 
 
 def test_samples_have_a_table_once_something_became_of_them() -> None:
-    messages = {("ODOMETRY", Outcome.ACCEPTED, "consumed"): 9}
+    messages = {("ODOMETRY", VerdictKind.ACCEPTED, "consumed"): 9}
     assert len(tables_of(messages, {})) == len(tables_of(messages, {("pose", "taken"): 9})) == 1
     assert len(tables_of(messages, COUNTS)) == 2
 

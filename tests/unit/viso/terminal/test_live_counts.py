@@ -7,7 +7,7 @@ from io import StringIO
 
 from rich.console import Console
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.verdicts import NOT_ADDRESSED
 from viso.terminal.console import VerdictCounts
 from viso.terminal.live_report import REFRESH_US, LiveCounts
@@ -22,7 +22,7 @@ class Screen:
     def __init__(self, *, terminal: bool) -> None:
         self._file = StringIO()
         self.console = Console(file=self._file, force_terminal=terminal, width=100, color_system=None)
-        self.counts: dict[tuple[str, Outcome, str], int] = {}
+        self.counts: dict[tuple[str, VerdictKind, str], int] = {}
         self.looks = 0
 
     def look(self) -> VerdictCounts:
@@ -30,7 +30,7 @@ class Screen:
         return self.counts
 
     def count(self, number: int) -> None:
-        self.counts["PING", Outcome.DROPPED, CODE] = number
+        self.counts["PING", VerdictKind.DROPPED, CODE] = number
 
     def shown(self) -> str:
         """Return what was written since the last call."""

@@ -66,7 +66,7 @@ def test_restart_is_told(make_bench: Callable[..., Bench], capsys: pytest.Captur
 # Samples in the filter
 
 
-def test_first_fate_of_each_kind_that_is_not_use_is_told(
+def test_first_outcome_of_each_kind_that_is_not_use_is_told(
     make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
 ) -> None:
     bench = make_bench(VISO_TYPE=1, VISO_QUAL_MIN=50)

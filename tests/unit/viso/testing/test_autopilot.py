@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
-from ap_core.verdict import Outcome
+from ap_core.verdict import VerdictKind
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_VALUE, STATUSTEXT, VISION_POSITION_ESTIMATE
 from tests.unit.viso.testing.sample_odometry import odometry
 from viso.testing import Autopilot, AutopilotOptions
 from viso.testing.diagnosis import check_no_findings
-from viso.vehicle.outcomes import Fate
+from viso.vehicle.outcomes import OutcomeKind
 
 
 def fly(autopilot: Autopilot, count: int) -> None:
@@ -59,34 +59,34 @@ def test_verdict_tells_all_about_a_message(autopilot: Autopilot) -> None:
     sent = odometry(5, x=1.5)
     (verdict,) = autopilot.send(sent, system_id=1, component_id=191)
     assert (verdict.time_us, verdict.name, verdict.system_id, verdict.component_id) == (6_500_000, "ODOMETRY", 1, 191)
-    assert (verdict.outcome, verdict.rule, verdict.message) == (Outcome.ACCEPTED, "consumed", sent)
+    assert (verdict.kind, verdict.rule, verdict.message) == (VerdictKind.ACCEPTED, "consumed", sent)
     assert verdict.reason == "handed to the EKF"
     assert [record.name for record in verdict.records] == ["VISP", "VISV"]
     assert verdict.records[0]["PX"] == 1.5
     assert autopilot.verdicts == [verdict]
 
 
-def test_fates_come_later(autopilot: Autopilot) -> None:
+def test_outcomes_come_later(autopilot: Autopilot) -> None:
     fly(autopilot, 4)
     (verdict,) = autopilot.send(odometry(120_000, x=0.12, vx=1.0))
-    at_first = verdict.fates, verdict.is_settled
+    at_first = verdict.outcomes, verdict.is_settled
     assert at_first == ((), False)
     autopilot.advance(ms=250)
-    assert sorted(fate.kind for fate in verdict.fates) == ["height", "pose", "velocity", "yaw"]
-    assert {fate.fate for fate in verdict.fates} == {Fate.FUSED}
+    assert sorted(outcome.kind for outcome in verdict.outcomes) == ["height", "pose", "velocity", "yaw"]
+    assert {outcome.outcome for outcome in verdict.outcomes} == {OutcomeKind.FUSED}
     assert verdict.is_settled
 
 
-def test_message_that_brings_nothing_has_no_fates(autopilot: Autopilot) -> None:
+def test_message_that_brings_nothing_has_no_outcomes(autopilot: Autopilot) -> None:
     (verdict,) = autopilot.send(odometry(frame_id=1))
-    assert (verdict.rule, verdict.fates, verdict.is_settled) == ("odometry_frames", (), True)
+    assert (verdict.rule, verdict.outcomes, verdict.is_settled) == ("odometry_frames", (), True)
 
 
 def test_bytes_give_any_number_of_verdicts(autopilot: Autopilot) -> None:
     codec = Codec(1, 197)
     frames = codec.encode(odometry(1)) + codec.encode(odometry(2))
     assert autopilot.send(frames[:50]) == ()
-    assert [verdict.outcome for verdict in autopilot.send(frames[50:])] == [Outcome.ACCEPTED] * 2
+    assert [verdict.kind for verdict in autopilot.send(frames[50:])] == [VerdictKind.ACCEPTED] * 2
     assert {verdict.name for verdict in autopilot.send(b"no frame")} == {"BAD_DATA"}
 
 
@@ -219,7 +219,9 @@ def test_good_flight_holds_all_claims(autopilot: Autopilot) -> None:
 def test_number_of_fused_samples_is_exact(autopilot: Autopilot) -> None:
     fly(autopilot, 20)
     autopilot.advance(ms=300)
-    fused = sum(fate[:2] == ("velocity", Fate.FUSED) for verdict in autopilot.verdicts for fate in verdict.fates)
+    fused = sum(
+        outcome[:2] == ("velocity", OutcomeKind.FUSED) for verdict in autopilot.verdicts for outcome in verdict.outcomes
+    )
     assert fused > 15
     autopilot.assert_fused("velocity", count=fused)
     with pytest.raises(AssertionError, match=rf"^expected {fused + 1} velocity fused, found {fused}; the outcome of"):

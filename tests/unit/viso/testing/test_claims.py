@@ -4,7 +4,7 @@
 
 import pytest
 
-from ap_core.verdict import Outcome, Verdict
+from ap_core.verdict import Verdict, VerdictKind
 from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN
 from mav_handlers.verdicts import BAD_CRC, HANDLED, NO_HANDLER, ODOMETRY_FRAMES
 from mav_handlers.wire.messages import ODOMETRY
@@ -13,7 +13,7 @@ from viso.testing import MessageVerdict, StatusText, claims
 
 def met(verdict: Verdict, name: str = "ODOMETRY", time_us: int = 8_000_000) -> MessageVerdict:
     rule = verdict.rule
-    return MessageVerdict(time_us, name, 1, 197, None, verdict.outcome, rule.code, rule.text, rule.source, ())
+    return MessageVerdict(time_us, name, 1, 197, None, verdict.kind, rule.code, rule.text, rule.source, ())
 
 
 SEEN = [met(CONSUMED), met(HANDLED, "HEARTBEAT"), met(CONSUMED), met(QUALITY_BELOW_MIN), met(ODOMETRY_FRAMES)]
@@ -22,17 +22,17 @@ SEEN = [met(CONSUMED), met(HANDLED, "HEARTBEAT"), met(CONSUMED), met(QUALITY_BEL
 @pytest.mark.parametrize(
     ("outcome", "message", "reason", "count"),
     [
-        (Outcome.ACCEPTED, None, None, None),
-        (Outcome.ACCEPTED, "ODOMETRY", "consumed", 2),
-        (Outcome.ACCEPTED, ODOMETRY, None, 2),
-        (Outcome.ACCEPTED, "VISION_POSITION_ESTIMATE", None, 0),
-        (Outcome.IGNORED, None, "quality_below_min", 1),
-        (Outcome.DROPPED, None, "odometry_frames", None),
-        (Outcome.DROPPED, None, "bad_crc", 0),
+        (VerdictKind.ACCEPTED, None, None, None),
+        (VerdictKind.ACCEPTED, "ODOMETRY", "consumed", 2),
+        (VerdictKind.ACCEPTED, ODOMETRY, None, 2),
+        (VerdictKind.ACCEPTED, "VISION_POSITION_ESTIMATE", None, 0),
+        (VerdictKind.IGNORED, None, "quality_below_min", 1),
+        (VerdictKind.DROPPED, None, "odometry_frames", None),
+        (VerdictKind.DROPPED, None, "bad_crc", 0),
     ],
 )
 def test_true_claims_hold(
-    outcome: Outcome, message: str | type[ODOMETRY] | None, reason: str | None, count: int | None
+    outcome: VerdictKind, message: str | type[ODOMETRY] | None, reason: str | None, count: int | None
 ) -> None:
     claims.check_claim(claims.make_claim(outcome, message, reason, count), SEEN)
 
@@ -40,20 +40,20 @@ def test_true_claims_hold(
 @pytest.mark.parametrize(
     ("outcome", "message", "reason", "count", "told"),
     [
-        (Outcome.ACCEPTED, None, None, 3, "expected 3 messages accepted, found 2; what came:"),
-        (Outcome.ACCEPTED, "ODOMETRY", None, 1, "expected 1 ODOMETRY accepted, found 2; what came:"),
+        (VerdictKind.ACCEPTED, None, None, 3, "expected 3 messages accepted, found 2; what came:"),
+        (VerdictKind.ACCEPTED, "ODOMETRY", None, 1, "expected 1 ODOMETRY accepted, found 2; what came:"),
         (
-            Outcome.IGNORED,
+            VerdictKind.IGNORED,
             None,
             "reset_settling",
             None,
             "expected at least one message ignored by the rule reset_settling",
         ),
-        (Outcome.DROPPED, "HEARTBEAT", None, None, "expected at least one HEARTBEAT dropped, found 0; what came:"),
+        (VerdictKind.DROPPED, "HEARTBEAT", None, None, "expected at least one HEARTBEAT dropped, found 0; what came:"),
     ],
 )
 def test_false_claims_tell_what_came(
-    outcome: Outcome, message: str | None, reason: str | None, count: int | None, told: str
+    outcome: VerdictKind, message: str | None, reason: str | None, count: int | None, told: str
 ) -> None:
     claim = claims.make_claim(outcome, message, reason, count)
     with pytest.raises(AssertionError) as failure:
@@ -70,7 +70,7 @@ def test_first_time_of_a_row_is_told() -> None:
 
 
 def test_silence_is_told_as_such() -> None:
-    claim = claims.make_claim(Outcome.ACCEPTED, None, None, None)
+    claim = claims.make_claim(VerdictKind.ACCEPTED, None, None, None)
     with pytest.raises(AssertionError, match=r"^expected at least one message accepted, found 0; nothing has come$"):
         claims.check_claim(claim, [])
 
@@ -84,16 +84,16 @@ def test_many_kinds_are_cut_short() -> None:
 @pytest.mark.parametrize(
     ("outcome", "message", "reason", "count", "told"),
     [
-        (Outcome.DROPPED, None, "odometry_frame", None, "no such rule; did you mean 'odometry_frames'?"),
-        (Outcome.IGNORED, None, "zzz", None, "no such rule; there are quality_below_min, reset_settling"),
-        (Outcome.DROPPED, None, "consumed", None, "by that rule messages are accepted, not dropped"),
-        (Outcome.DROPPED, "ODOMETRIE", None, None, "message 'ODOMETRIE': MAVLink has no such message"),
-        (Outcome.DROPPED, None, None, -1, "count -1: not a number of messages"),
-        (Outcome.DROPPED, None, None, True, "count True: not a number of messages"),
+        (VerdictKind.DROPPED, None, "odometry_frame", None, "no such rule; did you mean 'odometry_frames'?"),
+        (VerdictKind.IGNORED, None, "zzz", None, "no such rule; there are quality_below_min, reset_settling"),
+        (VerdictKind.DROPPED, None, "consumed", None, "by that rule messages are accepted, not dropped"),
+        (VerdictKind.DROPPED, "ODOMETRIE", None, None, "message 'ODOMETRIE': MAVLink has no such message"),
+        (VerdictKind.DROPPED, None, None, -1, "count -1: not a number of messages"),
+        (VerdictKind.DROPPED, None, None, True, "count True: not a number of messages"),
     ],
 )
 def test_claims_about_what_does_not_exist_are_refused(
-    outcome: Outcome, message: str | None, reason: str | None, count: int | None, told: str
+    outcome: VerdictKind, message: str | None, reason: str | None, count: int | None, told: str
 ) -> None:
     with pytest.raises(ValueError, match=told.replace("?", r"\?")):
         claims.make_claim(outcome, message, reason, count)
@@ -101,7 +101,7 @@ def test_claims_about_what_does_not_exist_are_refused(
 
 @pytest.mark.parametrize("name", ["BAD_DATA", "UNKNOWN"])
 def test_bytes_that_are_no_message_have_a_name(name: str) -> None:
-    claims.check_claim(claims.make_claim(Outcome.DROPPED, name, "bad_crc", 1), [met(BAD_CRC, name)])
+    claims.check_claim(claims.make_claim(VerdictKind.DROPPED, name, "bad_crc", 1), [met(BAD_CRC, name)])
 
 
 @pytest.mark.parametrize("lost", [met(ODOMETRY_FRAMES), met(QUALITY_BELOW_MIN), met(BAD_CRC, "BAD_DATA")])

@@ -269,7 +269,7 @@ def _sign(codec: Codec, frame: bytes) -> bytes:
 
 def test_with_a_key_set_up_unsigned_frames_are_refused_but_on_the_first_link(rig: Rig) -> None:
     assert rig.ground.send(SETUP_SIGNING(1, 1, KEY, 1000)).rule.code == "handled"
-    assert rig.companion.send(POSE).outcome == "dropped"
+    assert rig.companion.send(POSE).kind == "dropped"
     assert rig.ground.send(ALIVE).rule.code == "handled"
 
 

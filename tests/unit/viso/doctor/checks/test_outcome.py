@@ -18,7 +18,7 @@ PERIOD_US = 40_000
 
 
 def message(number: int, rule: Rule | None) -> HandledMessage:
-    """Return a message whose pose had a fate in the filter, or which was withheld."""
+    """Return a message whose pose had an outcome in the filter, or which was withheld."""
     at_us = START_US + number * PERIOD_US
     told = odometry(number * PERIOD_US + 1, x=0.02 * number)
     if rule is None:
@@ -27,8 +27,8 @@ def message(number: int, rule: Rule | None) -> HandledMessage:
     return seen(number + 1, at_us, told, samples=(HandedSample("pose", at_us // 1000, [test]),))
 
 
-def found_of(fates: list[Rule | None], **fields: Any) -> Finding | None:
-    messages = [message(number, rule) for number, rule in enumerate(fates)]
+def found_of(outcomes: list[Rule | None], **fields: Any) -> Finding | None:
+    messages = [message(number, rule) for number, rule in enumerate(outcomes)]
     return findings_of(evidence_of(messages, **fields)).get("XN9-04")
 
 
@@ -56,8 +56,11 @@ def test_rejection_from_the_first_message_on_is_in_full_sight() -> None:
 
 def test_vehicle_of_the_model_that_lost_the_stream_proves_nothing() -> None:
     innovations = {"pose": Innovations(tested=80, rejected=30, worst=64.0)}
-    fates: list[Rule | None] = [*[FUSED] * 50, *[GATE_POSITION] * 30]
-    seen_so, lost = found_of(fates, innovations=innovations), found_of(fates, innovations=innovations, model_jumps=2)
+    outcomes: list[Rule | None] = [*[FUSED] * 50, *[GATE_POSITION] * 30]
+    seen_so, lost = (
+        found_of(outcomes, innovations=innovations),
+        found_of(outcomes, innovations=innovations, model_jumps=2),
+    )
     assert seen_so is not None
     assert lost is not None
     assert (seen_so.severity, lost.severity) == (Severity.WARNING, Severity.NOTE)

@@ -18,7 +18,7 @@ from viso.doctor.checks import CHECKS
 from viso.doctor.output.summary import summarise
 from viso.errors import InputError
 from viso.streams.stream_kinds import Stream, StreamMessage
-from viso.vehicle.outcomes import Fate
+from viso.vehicle.outcomes import OutcomeKind
 
 END_US = LEAD_US + 2_000_000
 
@@ -58,7 +58,7 @@ def tried(filter_s: float = math.inf) -> Evidence:
     return gather(stream_of(companion(), dict(SETUP)), filter_s=filter_s)
 
 
-def test_messages_carry_verdict_records_and_fates() -> None:
+def test_messages_carry_verdict_records_and_outcomes() -> None:
     assert [one.number for one in tried(60.0).stream.messages] == list(range(1, 51))
     late: HandledMessage = tried(60.0).stream.messages[40]
     assert (late.name, late.sender, late.version) == ("ODOMETRY", (1, 197), 2)
@@ -143,7 +143,7 @@ def test_summary_counts_what_became_of_messages_and_samples() -> None:
     assert summary.rate_hz["ODOMETRY"] == pytest.approx(25)
     assert summary.healthy_from_us == LEAD_US
     assert summary.unhealthy == 0
-    assert summary.samples["velocity", Fate.FUSED] > 40
+    assert summary.samples["velocity", OutcomeKind.FUSED] > 40
     assert summary.aiding_until_us is None
     (lags,) = summary.lags
     assert sum(lags.counts) == 50

@@ -9,7 +9,17 @@ import pytest
 from ap_core.verdict import Rule
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
-from viso.vehicle.outcomes import Fate, as_dict, basis, fate_of, final_counts, is_final, is_model, sentence, why
+from viso.vehicle.outcomes import (
+    OutcomeKind,
+    as_dict,
+    basis,
+    final_counts,
+    is_final,
+    is_model,
+    outcome_kind,
+    sentence,
+    why,
+)
 
 GATES = (rules.GATE_POSITION, rules.GATE_VELOCITY, rules.GATE_HEIGHT, rules.GATE_YAW, rules.GATE_ODOMETRY)
 DOOR = (
@@ -22,16 +32,16 @@ def outcome(rule: Rule, ratio: float | None = None) -> FilterOutcome:
     return FilterOutcome("pose", rule, 12_290, ratio)
 
 
-@pytest.mark.parametrize(("members", "fate"), [
-    ((rules.FUSED,), Fate.FUSED),
-    ((rules.RESET_TO, rules.ALIGNED_TO), Fate.RESET),
-    ((rules.UNUSED,), Fate.UNUSED),
-    ((*GATES, rules.NOT_FINITE), Fate.REJECTED),
-    ((rules.OVERWRITTEN, rules.SUPERSEDED, rules.TOO_OLD), Fate.LOST),
-    (DOOR, Fate.REFUSED),
+@pytest.mark.parametrize(("members", "outcome"), [
+    ((rules.FUSED,), OutcomeKind.FUSED),
+    ((rules.RESET_TO, rules.ALIGNED_TO), OutcomeKind.RESET),
+    ((rules.UNUSED,), OutcomeKind.UNUSED),
+    ((*GATES, rules.NOT_FINITE), OutcomeKind.REJECTED),
+    ((rules.OVERWRITTEN, rules.SUPERSEDED, rules.TOO_OLD), OutcomeKind.LOST),
+    (DOOR, OutcomeKind.REFUSED),
 ])  # fmt: skip
-def test_fates(members: tuple[Rule, ...], fate: Fate) -> None:
-    assert [fate_of(rule) for rule in members] == [fate] * len(members)
+def test_outcomes(members: tuple[Rule, ...], outcome: OutcomeKind) -> None:
+    assert [outcome_kind(rule) for rule in members] == [outcome] * len(members)
 
 
 def test_only_being_let_in_is_not_final() -> None:
@@ -40,7 +50,7 @@ def test_only_being_let_in_is_not_final() -> None:
 
 @pytest.mark.parametrize("rule", [rule for rule in rules.RULES if is_final(rule)], ids=lambda rule: rule.code)
 def test_the_door_is_exact_and_all_behind_it_a_models(rule: Rule) -> None:
-    assert is_model(rule) is (fate_of(rule) is not Fate.REFUSED)
+    assert is_model(rule) is (outcome_kind(rule) is not OutcomeKind.REFUSED)
     assert basis(rule) == ("exact" if rule in DOOR else "a model's")
 
 
@@ -52,11 +62,11 @@ def test_the_door_is_exact_and_all_behind_it_a_models(rule: Rule) -> None:
     (rules.TOO_SOON, None, "refused: less than 20 ms, odometry 50 ms, after the last"),
     (rules.RESET_TO, None, "reset: the estimator was reset to it"),
 ])  # fmt: skip
-def test_sentence_says_fate_reason_and_ratio(rule: Rule, ratio: float | None, words: str) -> None:
+def test_sentence_says_outcome_reason_and_ratio(rule: Rule, ratio: float | None, words: str) -> None:
     assert sentence(outcome(rule, ratio)) == words
 
 
-def test_reason_stands_beside_its_fate_without_repeating_it() -> None:
+def test_reason_stands_beside_its_outcome_without_repeating_it() -> None:
     assert [why(rule) for rule in (rules.GATE_HEIGHT, rules.UNUSED)] == ["height gate", rules.UNUSED.text]
 
 

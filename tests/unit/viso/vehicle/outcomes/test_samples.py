@@ -1,30 +1,30 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which message's sample a fate belongs to."""
+"""Which message's sample an outcome belongs to."""
 
 from ap_core.verdict import Rule
 from ekf_stub.inputs import ingest_rules as rules
 from ekf_stub.inputs.ingest_rules import FilterOutcome
-from viso.vehicle.outcomes import HandedSample, SampleFates, SampleTest
+from viso.vehicle.outcomes import HandedSample, SampleOutcomes, SampleTest
 
 
 class Rig:
     """Fates, and a short way to tell them of one."""
 
     def __init__(self) -> None:
-        self.fates = SampleFates()
+        self.outcomes = SampleOutcomes()
         self.now_us = 0
 
     def tell(self, kind: str, rule: Rule, observed_ms: int = 1000, ratio: float | None = None) -> None:
         self.now_us += 1
-        self.fates.take(SampleTest(self.now_us, FilterOutcome(kind, rule, observed_ms, ratio)))
+        self.outcomes.take(SampleTest(self.now_us, FilterOutcome(kind, rule, observed_ms, ratio)))
 
     def handed(self) -> tuple[HandedSample, ...]:
-        return self.fates.take_handed()
+        return self.outcomes.take_handed()
 
 
 def codes(sample: HandedSample) -> list[tuple[str, str]]:
-    return [(fate.outcome.kind, fate.outcome.rule.code) for fate in sample.fates]
+    return [(test.outcome.kind, test.outcome.rule.code) for test in sample.outcomes]
 
 
 def test_samples_of_a_message_are_those_since_the_one_before() -> None:
@@ -37,7 +37,7 @@ def test_samples_of_a_message_are_those_since_the_one_before() -> None:
     assert rig.handed() == ()
 
 
-def test_fate_comes_to_its_sample_later() -> None:
+def test_outcome_comes_to_its_sample_later() -> None:
     rig = Rig()
     rig.tell("pose", rules.TAKEN, 1000)
     (first,) = rig.handed()
@@ -50,7 +50,7 @@ def test_fate_comes_to_its_sample_later() -> None:
     assert [codes(first), codes(second)] == [[("pose", "model_fused")], [("pose", "model_gate_position")]]
 
 
-def test_fates_are_those_of_the_kind() -> None:
+def test_outcomes_are_those_of_the_kind() -> None:
     rig = Rig()
     for kind in ("pose", "yaw", "velocity"):
         rig.tell(kind, rules.TAKEN)
@@ -64,7 +64,7 @@ def test_fates_are_those_of_the_kind() -> None:
     ]
 
 
-def test_height_is_a_fate_of_the_pose_and_does_not_settle_it() -> None:
+def test_height_is_a_outcome_of_the_pose_and_does_not_settle_it() -> None:
     rig = Rig()
     rig.tell("pose", rules.TAKEN)
     (pose,) = rig.handed()
@@ -105,29 +105,29 @@ def test_late_samples_of_one_time_are_told_apart_by_their_order() -> None:
     assert codes(second) == [("pose", "model_fused"), ("height", "model_gate_height")]
 
 
-def test_what_was_forgotten_gets_no_fate() -> None:
+def test_what_was_forgotten_gets_no_outcome() -> None:
     rig = Rig()
     rig.tell("pose", rules.TAKEN)
     handed = rig.handed()
-    rig.fates.forget(handed)
-    rig.fates.forget(handed)
+    rig.outcomes.forget(handed)
+    rig.outcomes.forget(handed)
     rig.tell("height", rules.FUSED)
     rig.tell("pose", rules.FUSED)
-    assert handed[0].fates == []
+    assert handed[0].outcomes == []
 
 
-def test_fate_of_a_sample_from_before_is_passed_over() -> None:
+def test_outcome_of_a_sample_from_before_is_passed_over() -> None:
     rig = Rig()
     rig.tell("velocity", rules.FUSED)
     assert rig.handed() == ()
 
 
-def test_fates_for_machines_have_their_time() -> None:
+def test_outcomes_for_machines_have_their_time() -> None:
     rig = Rig()
     rig.tell("velocity", rules.TAKEN)
     (sample,) = rig.handed()
     rig.tell("velocity", rules.FUSED, ratio=0.25)
-    assert sample.fates_as_dicts() == [
+    assert sample.outcomes_as_dicts() == [
         {
             "time_us": 2,
             "kind": "velocity",

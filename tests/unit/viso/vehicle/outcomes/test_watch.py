@@ -14,7 +14,7 @@ from ekf_stub.reports import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from tests.copies import Copies
 from tests.unit.viso.conftest import Bench, booted, odometry
-from viso.vehicle.outcomes import Fate, FilterWatch, SampleTest, fate_of, is_final
+from viso.vehicle.outcomes import FilterWatch, OutcomeKind, SampleTest, is_final, outcome_kind
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 BY_EXT_NAV = {
@@ -49,9 +49,9 @@ class Rig:
             self.bench.run_for(LOOP_US * 1e-6)
             self.watch.look()
 
-    def fates(self, kind: str) -> list[Fate]:
+    def outcomes(self, kind: str) -> list[OutcomeKind]:
         rules = [test.outcome.rule for test in self.told if test.outcome.kind == kind]
-        return [fate_of(rule) for rule in rules if is_final(rule)]
+        return [outcome_kind(rule) for rule in rules if is_final(rule)]
 
 
 @pytest.fixture
@@ -78,12 +78,12 @@ def settled() -> Rig:
     return fused(4.0).make()
 
 
-def test_fates_of_a_steady_stream(steady: Rig) -> None:
+def test_outcomes_of_a_steady_stream(steady: Rig) -> None:
     assert (
-        set(steady.fates("pose")[5:])
-        == set(steady.fates("velocity")[5:])
-        == set(steady.fates("yaw")[5:])
-        == {Fate.FUSED}
+        set(steady.outcomes("pose")[5:])
+        == set(steady.outcomes("velocity")[5:])
+        == set(steady.outcomes("yaw")[5:])
+        == {OutcomeKind.FUSED}
     )
 
 
@@ -120,7 +120,7 @@ def test_how_far_off_a_sample_is(
     before = rig.watch.innovations[kind].worst
     rig.told.clear()
     rig.see(0.5, **fields)
-    rejected = [test for test in rig.told if fate_of(test.outcome.rule) is Fate.REJECTED]
+    rejected = [test for test in rig.told if outcome_kind(test.outcome.rule) is OutcomeKind.REJECTED]
     assert {test.outcome.kind for test in rejected} == {kind}
     assert before < unit_tolerance
     assert [test.outcome.innovation for test in rejected] == pytest.approx([innovation] * len(rejected), rel=0.02)
@@ -152,7 +152,7 @@ def test_odometry_is_the_length_of_its_velocity(make_bench: Callable[..., Bench]
 def test_what_is_not_tested_has_no_innovation(make_bench: Callable[..., Bench]) -> None:
     rig = Rig(make_bench(**{**BY_EXT_NAV, "EK3_SRC1_YAW": 1}))
     rig.see(1.0)
-    assert set(rig.fates("yaw")) == {Fate.UNUSED}
+    assert set(rig.outcomes("yaw")) == {OutcomeKind.UNUSED}
     assert "yaw" not in rig.watch.innovations
     assert {test.outcome.innovation for test in rig.told if test.outcome.kind == "yaw"} == {None}
 
