@@ -55,8 +55,9 @@ def normalized(quats: npt.ArrayLike) -> Array:
     return unit
 
 
+@np.errstate(all="ignore")
 def rotate(quats: npt.ArrayLike, vectors: npt.ArrayLike) -> Array:
-    """Return vectors [..., 3] rotated by quaternions [..., 4]."""
+    """Return vectors [..., 3] rotated by quaternions [..., 4], as the firmware does it; NaN where they hold one."""
     wxyz, before = np.asarray(quats, np.float64), np.asarray(vectors, np.float64)
     axis = wxyz[..., 1:]
     twice = 2.0 * np.cross(axis, before)
@@ -87,6 +88,7 @@ def quats_from_euler(roll_pitch_yaw: npt.ArrayLike) -> Array:
     return product(product(yaw, pitch), roll)
 
 
+@np.errstate(all="ignore")
 def euler_from_quats(quats: npt.ArrayLike) -> Array:
     """Return roll, pitch and yaw [..., 3] of quaternions [..., 4]; NaN where they hold one."""
     w, x, y, z = np.moveaxis(np.asarray(quats, np.float64), -1, 0)

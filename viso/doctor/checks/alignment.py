@@ -18,8 +18,9 @@ from viso.doctor.evidence.compare import ALIGNING_TYPES, oriented
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
-from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses, down_in_body, euler_of_quat
+from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses, down_in_body
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
+from viso.geometry.rotation import euler_from_quats
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _GPS: Final = 3
@@ -131,7 +132,7 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
         return
     for poses in evidence.stream.poses:
         quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
-        sent, vehicle = euler_of_quat(quats), attitude.at(poses.track.arrival_us)
+        sent, vehicle = euler_from_quats(quats), attitude.at(poses.track.arrival_us)
         usable = np.isfinite(np.column_stack((sent, vehicle))).all(axis=1)
         usable &= ~evidence.vehicle.is_attitude_wrong(poses.track.arrival_us)
         chosen = np.flatnonzero(usable)

@@ -15,8 +15,9 @@ from viso.doctor.evidence.compare import ALIGNING_TYPES, Comparison
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
-from viso.doctor.evidence.tracks import Floats, down_in_body, euler_of_quat, reordered
+from viso.doctor.evidence.tracks import Floats, down_in_body, reordered
 from viso.estimators.axis_rotations import BODY_WORDS, AxisMap, orient_name, rotation_matrix
+from viso.geometry.rotation import euler_from_quats
 
 
 def _is_ros(compared: Comparison) -> bool:
@@ -223,7 +224,7 @@ def sinks_below_start(evidence: Evidence) -> Iterator[Sighting]:
 
 def _median_tilt(quat_wxyz: Floats, vehicle_rad: Floats) -> float:
     """Return the median angle between two attitudes' verticals in rad; NaN if too few are known."""
-    sent = euler_of_quat(quat_wxyz)
+    sent = euler_from_quats(quat_wxyz)
     fine = np.isfinite(np.column_stack((sent, vehicle_rad))).all(axis=1)
     if np.count_nonzero(fine) < FEWEST_MESSAGES:
         return math.nan

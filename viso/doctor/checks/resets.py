@@ -16,7 +16,8 @@ from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, time_base_us
-from viso.doctor.evidence.tracks import POSE_TYPES, Bools, Floats, Poses, euler_of_quat, median_of
+from viso.doctor.evidence.tracks import POSE_TYPES, Bools, Floats, Poses, median_of
+from viso.geometry.rotation import euler_from_quats
 from viso.streams.stream_kinds import Aspect
 
 _RESET: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::get_reset_timestamp_ms"
@@ -57,7 +58,7 @@ def _steps(poses: Poses) -> _Steps:
     off = np.linalg.norm(step - np.nan_to_num(before) * dt[:, None], axis=1)
     alone = np.linalg.norm(step, axis=1)
     off = np.minimum(off, alone)
-    yaw = np.diff(euler_of_quat(poses.quat_wxyz)[:, 2])
+    yaw = np.diff(euler_from_quats(poses.quat_wxyz)[:, 2])
     turn = np.arctan2(np.sin(yaw), np.cos(yaw))
     usual = median_of(off)
     turn_before = np.concatenate([turn[1:2], turn[:-1]])
@@ -74,7 +75,7 @@ def _jumped(steps: _Steps) -> Bools:
 
 
 def _turned(steps: _Steps, poses: Poses) -> Bools:
-    pitch = np.abs(euler_of_quat(poses.quat_wxyz)[1:, 1])
+    pitch = np.abs(euler_from_quats(poses.quat_wxyz)[1:, 1])
     level = pitch < limits.LEVEL_PITCH_RAD
     allowed = (
         limits.JUMP_RAD

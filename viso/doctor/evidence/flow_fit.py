@@ -13,10 +13,11 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.evidence.ground_sensors import FlowSeries, GroundSensors
-from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses, euler_of_quat
+from viso.doctor.evidence.tracks import Bools, Floats, Ints, Poses
 from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries
 from viso.doctor.evidence.vehicle_position import PositionSeries
 from viso.estimators.turning import attitudes_of
+from viso.geometry.rotation import euler_from_quats
 
 FEWEST_FITTED: Final = 50
 """Fewer records of flow are not fitted."""
@@ -160,7 +161,7 @@ def with_motion_of(ground: GroundSensors, poses: Poses) -> tuple[GroundSensors, 
     rates = found.steps_rad / step_s[:, None]
     turning = np.column_stack([1e6 * (found.time_s[1:] - 0.5 * step_s), rates])
     velocity = _speed(time_us[known].astype(np.float64), poses.pos_m[known])
-    attitude = AttitudeSeries(time_us[known], euler_of_quat(quats[known]) * [0.0, 0.0, 1.0])
+    attitude = AttitudeSeries(time_us[known], euler_from_quats(quats[known]) * [0.0, 0.0, 1.0])
     return replace(ground, turning=turning, velocity=velocity, by="the stream's poses"), attitude
 
 

@@ -19,10 +19,9 @@ from viso.doctor.evidence.tracks import (
     Sender,
     Velocities,
     down_in_body,
-    euler_of_quat,
     reordered,
-    rotated,
 )
+from viso.geometry.rotation import euler_from_quats, rotate
 
 WINDOW_S: Final = 0.25
 FEWEST_WINDOWS: Final = 30
@@ -176,7 +175,7 @@ def _on_times(velocities: Velocities, poses: Poses, time_us: Ints) -> Floats | N
 
 def _is_level(quat_wxyz: Floats) -> bool:
     """Return whether most attitudes are tilted by less than 45 deg."""
-    upright = down_in_body(euler_of_quat(quat_wxyz))[:, 2]
+    upright = down_in_body(euler_from_quats(quat_wxyz))[:, 2]
     return float(np.nanmedian(upright)) > math.cos(math.radians(45))
 
 
@@ -186,7 +185,7 @@ def _motion(poses: Poses, velocities: Velocities, window_s: float) -> Motion | N
     if sent is None or len(poses.track) < FEWEST_WINDOWS:
         return None
     time_s: Floats = np.asarray(time_us * 1e-6, dtype=np.float64)
-    turned = rotated(poses.quat_wxyz, sent)
+    turned = rotate(poses.quat_wxyz, sent)
     finite = np.isfinite(np.column_stack((poses.pos_m, sent, turned))).all(axis=1)
     fine: Bools = np.asarray(finite & (poses.quality != _FAILED), dtype=np.bool_)
     first = np.arange(len(time_s))
@@ -207,7 +206,7 @@ def _motion(poses: Poses, velocities: Velocities, window_s: float) -> Motion | N
     with np.errstate(all="ignore"):
         path = (poses.pos_m[last] - poses.pos_m[first]) / dt
         mean_turned, mean_sent = mean_of(turned), mean_of(sent)
-        mean_reordered = mean_of(rotated(reordered(poses.quat_wxyz), sent))
+        mean_reordered = mean_of(rotate(reordered(poses.quat_wxyz), sent))
     is_body = velocities.track.sender.name == "ODOMETRY"
     return Motion(
         poses.track.sender,
@@ -218,7 +217,7 @@ def _motion(poses: Poses, velocities: Velocities, window_s: float) -> Motion | N
         mean_turned if is_body else mean_sent,
         mean_sent,
         mean_turned,
-        rotated(poses.quat_wxyz[(first + last) // 2] * _INVERSE, path),
+        rotate(poses.quat_wxyz[(first + last) // 2] * _INVERSE, path),
         mean_reordered,
         _is_level(reordered(poses.quat_wxyz[first])),
     )

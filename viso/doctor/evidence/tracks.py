@@ -20,7 +20,7 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
-from viso.geometry.rotation import quats_from_euler
+from viso.geometry.rotation import quats_from_euler, rotate
 from viso.vehicle.outcomes import HandedSample
 
 Floats = NDArray[np.float64]
@@ -206,19 +206,6 @@ def stamped_tracks(messages: Sequence[HandledMessage]) -> tuple[Track, ...]:
     return tuple(_track(sender, handled) for sender, handled in grouped(messages, STAMPED_TYPES).items())
 
 
-def euler_of_quat(quat_wxyz: Floats) -> Floats:
-    """Return N x 3 roll, pitch, yaw in rad of N x 4 quaternions; NaN where they hold one."""
-    w, x, y, z = quat_wxyz.T
-    with np.errstate(all="ignore"):
-        return np.column_stack(
-            (
-                np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-                np.arcsin(np.clip(2 * (w * y - z * x), -1, 1)),
-                np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
-            )
-        )
-
-
 def reordered(quat_wxyz: Floats) -> Floats:
     """Return N x 4 quaternions that were in the order x, y, z, w, in the order w, x, y, z."""
     return np.roll(quat_wxyz, 1, axis=1)
@@ -228,14 +215,6 @@ def down_in_body(euler_rad: Floats) -> Floats:
     """Return N x 3 unit vectors down in body axes, from N x 3 roll, pitch and yaw."""
     roll, pitch = euler_rad[:, 0], euler_rad[:, 1]
     return np.column_stack((-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)))
-
-
-def rotated(quat_wxyz: Floats, vectors: Floats) -> Floats:
-    """Return N x 3 vectors rotated by N x 4 quaternions of any norm, as the firmware does it."""
-    with np.errstate(all="ignore"):
-        w, axis = quat_wxyz[:, :1], quat_wxyz[:, 1:]
-        twice = 2 * np.cross(axis, vectors)
-        return np.asarray(vectors + w * twice + np.cross(axis, twice))
 
 
 def covariance_of(message: object) -> tuple[float, ...] | None:
@@ -276,7 +255,7 @@ def _velocities(sender: Sender, handled: Sequence[HandledMessage]) -> Velocities
     if isinstance(messages[0], ODOMETRY):
         odometry = [m for m in messages if isinstance(m, ODOMETRY)]
         sent = np.array([(m.vx, m.vy, m.vz) for m in odometry], dtype=np.float64)
-        used = rotated(np.array([m.q for m in odometry], dtype=np.float64), sent)
+        used = rotate(np.array([m.q for m in odometry], dtype=np.float64), sent)
     else:
         speeds = [m for m in messages if isinstance(m, VISION_SPEED_ESTIMATE)]
         sent = used = np.array([(m.x, m.y, m.z) for m in speeds], dtype=np.float64)

@@ -14,8 +14,7 @@ import quaternion
 
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import ODOMETRY, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE
-from viso.doctor.evidence.tracks import rotated
-from viso.geometry.rotation import quats_from_euler
+from viso.geometry.rotation import quats_from_euler, rotate
 from viso.streams.stream_kinds import Stream
 
 UNKNOWN: Final = (math.nan,) * 3
@@ -49,7 +48,7 @@ def rows_of(stream: Stream) -> list[Row]:
             rows.append(Row(arrival_us, told.usec, (told.x, told.y, told.z), tuple(quat), covariance=told.covariance))
         elif isinstance(told, ODOMETRY):
             body = np.array([[told.vx, told.vy, told.vz]])
-            velocity = tuple(rotated(np.array([told.q]), body)[0])
+            velocity = tuple(rotate(np.array([told.q]), body)[0])
             place = told.x, told.y, told.z
             rows.append(Row(arrival_us, told.time_usec, place, told.q, velocity, told.pose_covariance))
     for row in rows:
@@ -134,7 +133,7 @@ def _odometry(version: int, store: Any, row: Row, sequence: int) -> Any:
     attitude = three("Quaternion", _xyzw(row.quat_wxyz))
     pose = new("geometry_msgs/msg/Pose", three("Point", row.position), attitude)
     back = np.array([row.quat_wxyz]) * np.array([1.0, -1.0, -1.0, -1.0])
-    body = rotated(back, np.array([row.velocity]))[0]
+    body = rotate(back, np.array([row.velocity]))[0]
     twist = new("geometry_msgs/msg/Twist", three("Vector3", body), three("Vector3", (0, 0, 0)))
     return new(
         "nav_msgs/msg/Odometry",
