@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The MAVLink state of one link: codec, time correction, intervals, queues and counters.
 
-And what a handler gets with a message that a link brings.
+Also the context that a handler gets with a message.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ CountKey = tuple[str, VerdictKind, str]
 
 @dataclass(slots=True)
 class ParamListState:
-    """A parameter list being sent: the next index, and the count told to the client."""
+    """A parameter list being sent: the next index, and the count reported to the client."""
 
     next_index: int
     count: int
@@ -42,59 +42,59 @@ class ParamListState:
 
 @dataclass(slots=True)
 class ModesRequest:
-    """Flight modes asked for: one by its index, from 1, or with 0 all from ``next_index`` on."""
+    """Requested flight modes: one by its index, from 1, or with 0 all from ``next_index`` on."""
 
     index: int
     next_index: int
 
 
 class TransmitReserve:
-    """Room that all links keep for parameters for 2 s after one did not fit (GCS_MAVLINK::packet_overhead_chan)."""
+    """Room that all links reserve for 2 s after a parameter did not fit (GCS_MAVLINK::packet_overhead_chan)."""
 
     def __init__(self) -> None:
         self._start_us: int | None = None
 
     def start(self, now_us: int) -> None:
-        """Keep the room from now on."""
+        """Start to reserve room."""
         self._start_us = now_us
 
     def bytes_at(self, now_us: int) -> int:
-        """Return how many bytes are kept free."""
+        """Return the number of reserved bytes."""
         return RESERVED_BYTES if self._start_us is not None and now_us - self._start_us < RESERVED_US else 0
 
 
 @dataclass(slots=True)
 class Rest:
-    """Until when (us since boot) nothing falls due on any link by time alone; what brings something new ends it."""
+    """Time (us since boot) until which nothing is due on any link; new work ends it early."""
 
     until_us: int = 0
 
     def end(self) -> None:
-        """Have the next poll look at everything."""
+        """Make the next poll check everything."""
         self.until_us = 0
 
 
 @dataclass(slots=True)
 class Channel:
-    """One link as the endpoint sees it.
+    """The endpoint's state of one link.
 
     Args:
         index: number of the link, from 0.
-        name: what the user calls it.
+        name: the user's name for the link.
         baud: bits per second for the transport time of a UART; None for links that add no delay.
-        reserve: the room for parameters, which all links share.
-        rest: when polling is worth while, which all links share.
-        port: number of the link whose parameters count for this one; its own unless it is a further client's.
+        reserve: room for parameters, shared by all links.
+        rest: time until which no poll has anything to do, shared by all links.
+        port: number of the link whose parameters apply; a further client of a server uses the first client's.
 
     Attributes:
         requested: messages to be sent once; ``request`` adds to them.
         card_intervals_ms: default intervals by message, from a file; 0 is off.
-        stream_slowdown_ms: by how much a radio's full buffer lengthens the intervals.
-        ftp_is_busy: file transfers slow down everything else.
-        params_sent_us: when parameters were last sent on this link's turn.
-        times_full: how often a message did not fit.
-        has_reader: whether anybody wants to know what is sent; else it is gone, and nothing is streamed.
-        is_open: False once a further client has gone, until another has its place.
+        stream_slowdown_ms: how much a radio's full buffer lengthens the intervals.
+        ftp_is_busy: whether a file transfer slows down the other messages.
+        params_sent_us: time of the last turn that sent parameters.
+        times_full: number of messages that did not fit.
+        has_reader: whether anybody reads the output; if not, it is discarded and nothing is streamed.
+        is_open: False after a further client has left, until another takes its place.
     """
 
     index: int
@@ -121,7 +121,7 @@ class Channel:
     counters: Counter[CountKey] = field(default_factory=Counter)
     bytes_received: int = 0
     frames_received: int = 0
-    # FIRMWARE PARITY: its own count of these is never raised.
+    # FIRMWARE PARITY: the firmware never increments its own count.
     packets_dropped: int = 0
     frames_not_sent: int = 0
     times_full: int = 0
@@ -131,13 +131,13 @@ class Channel:
     _output: bytearray = field(default_factory=bytearray)
 
     def __post_init__(self) -> None:
-        """Make the buckets, whose intervals follow the link's slow-down."""
+        """Create the buckets, whose intervals follow the link's slow-down."""
         self.buckets = IntervalBuckets(self.reschedule_interval_ms)
         if self.port < 0:
             self.port = self.index
 
     def close(self) -> None:
-        """Fall silent for good; what was counted stays."""
+        """Stop sending for good; the counters keep their values."""
         self.is_open = self.has_reader = self.active = False
         self.deferred, self.buckets = DeferredMessages(), IntervalBuckets(self.reschedule_interval_ms)
         self.requested.clear()
@@ -145,12 +145,12 @@ class Channel:
         self._output.clear()
 
     def request(self, name: str) -> None:
-        """Have a message sent once."""
+        """Request that a message is sent once."""
         self.requested.add(name)
         self.rest.end()
 
     def wait_ms(self, now_ms: int) -> int:
-        """Return for how long no message falls due by time alone, 0 while one waits or is due."""
+        """Return the time until the next message is due, 0 while one waits or is due."""
         if self.requested:
             return 0
         wait_ms = self.deferred.wait_ms(now_ms)
@@ -167,7 +167,7 @@ class Channel:
         return self.deferred.intervals_ms() | self.buckets.intervals_ms()
 
     def reschedule_interval_ms(self, interval_ms: int) -> int:
-        """Return the interval at which a bucket is really sent (GCS_MAVLINK::get_reschedule_interval_ms)."""
+        """Return the effective interval of a bucket (GCS_MAVLINK::get_reschedule_interval_ms)."""
         interval_ms += self.stream_slowdown_ms
         if self.param_list is not None:
             interval_ms *= _SLOW_FACTOR
@@ -176,27 +176,27 @@ class Channel:
         return min(interval_ms, MAX_INTERVAL_MS)
 
     def count(self, name: str, verdict: Verdict, amount: int = 1) -> None:
-        """Count a message, or ``amount`` bytes that are none, under its verdict."""
+        """Count a message, or ``amount`` bytes that are no message, under its verdict."""
         self.counters[name, verdict.kind, verdict.rule.code] += amount
 
     def has_room(self) -> bool:
-        """Return whether output may be added; a peer that does not read must not cost memory."""
+        """Return whether output may be added; the limit bounds the memory for a peer that does not read."""
         return len(self._output) < OUTPUT_LIMIT_BYTES
 
     def txspace(self) -> int:
-        """Return for how many bytes there is room, at most 8192 (GCS_MAVLINK::txspace)."""
+        """Return the free transmit space in bytes, at most 8192 (GCS_MAVLINK::txspace)."""
         return max(0, min(OUTPUT_LIMIT_BYTES - len(self._output), TXSPACE_LIMIT_BYTES))
 
     def overhead_bytes(self, now_us: int) -> int:
-        """Return what a frame takes beside its payload, with the room kept for parameters (packet_overhead_chan)."""
+        """Return a frame's bytes beside its payload, plus the room reserved for parameters (packet_overhead_chan)."""
         return self.codec.overhead_bytes + self.reserve.bytes_at(now_us)
 
     def has_space_for(self, message_type: type[Message], now_us: int | None = None) -> bool:
-        """Return whether a message fits; counted when it does not (GCS_MAVLINK::check_payload_size).
+        """Return whether a message fits; count it if not (GCS_MAVLINK::check_payload_size).
 
         Args:
-            message_type: what is to be sent.
-            now_us: time since boot; without it the room kept for parameters may be used.
+            message_type: type of the message to send.
+            now_us: time since boot; None allows use of the room reserved for parameters.
         """
         overhead = self.codec.overhead_bytes if now_us is None else self.overhead_bytes(now_us)
         fits = self.txspace() >= overhead + full_length(message_type)
@@ -204,7 +204,7 @@ class Channel:
         return fits
 
     def send(self, *messages: Message) -> bool:
-        """Pack messages for sending, all or none; False, and counted, when the peer does not take its output."""
+        """Pack messages for sending, all or none; count them and return False if the output is full."""
         if not self.has_room():
             self.frames_not_sent += len(messages)
             return False
@@ -214,7 +214,7 @@ class Channel:
         return True
 
     def forward(self, frame: bytes) -> bool:
-        """Send on somebody else's frame as it came; False, and counted, when the peer does not take its output."""
+        """Forward a frame unchanged; count it and return False if the output is full."""
         if not self.has_room():
             self.frames_not_sent += 1
             return False
@@ -222,7 +222,7 @@ class Channel:
         return True
 
     def take_output(self) -> bytes:
-        """Return and forget what is to be sent."""
+        """Return the output and clear it."""
         if not self._output:
             return b""
         data = bytes(self._output)
@@ -231,15 +231,15 @@ class Channel:
         return data
 
     def arrival_us(self, message_type: type[Message], read_us: int, now_us: int) -> int:
-        """Return the latest time at which a message can have been sent, in us since boot.
+        """Return the latest possible time of sending of a message, in us since boot.
 
-        The link delivered its bytes one after the other at ``baud``; those still unread came after it. The length is
-        that of the whole message, whatever number of bytes arrived.
+        The link delivered its bytes at ``baud``; bytes still unread came after the message. The length used is that of
+        the full message, even if it arrived trimmed.
 
         Args:
             message_type: the message being handled.
             read_us: when the link was last read.
-            now_us: time of handling; while room is kept for parameters, that counts as if it were received.
+            now_us: time of handling; the room reserved for parameters counts as received bytes.
 
         Source: AP_HAL UARTDriver::receive_time_constraint_us.
         """
@@ -263,7 +263,7 @@ class Context:
     """What a handler gets with its message.
 
     Attributes:
-        vehicle: whom the message is for; with its endpoint.
+        vehicle: the receiving vehicle, with its endpoint.
         channel: the link that brought it.
         header: of its frame.
         now_us: time of handling, us since boot.

@@ -15,11 +15,11 @@ _VARIANCES: Final = itemgetter(0, 6, 11, 15, 18, 20)  # of x, y, z, then of roll
 _ZERO = f32(0)
 
 ErrorFormula = Callable[[np.float32, np.float32, np.float32], np.float32]
-"""Makes one error (m or rad) of three variances (m^2 or rad^2)."""
+"""Function from three variances (m^2 or rad^2) to one error (m or rad)."""
 
 
 def cube_root_of_squares(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
-    """Return the cube root of the sum of squared variances, which is no standard deviation.
+    """Return the cube root of the sum of squared variances, which is not a standard deviation.
 
     Source: GCS_Common.cpp, GCS_MAVLINK::handle_odometry and handle_common_vision_position_estimate_data, up to 2025.
     """
@@ -39,7 +39,7 @@ def pose_errors(
 ) -> tuple[np.float32, np.float32]:
     """Return (posErr, angErr) from the 21 elements of the upper triangle, by the release's formula.
 
-    A first element that is NaN means that there is no covariance: both errors are 0 then.
+    If the first element is NaN, there is no covariance and both errors are 0.
     """
     if math.isnan(covariance[0]):
         return _ZERO, _ZERO
@@ -59,10 +59,10 @@ def velocity_error(covariance: Sequence[float]) -> np.float32:
 
 
 def no_velocity_error(_covariance: Sequence[float]) -> np.float32:
-    """Return an error of 0, whatever a covariance says: of a release that does not read it."""
+    """Return an error of 0, for a release that does not read the covariance."""
     return _ZERO
 
 
 def no_errors(_covariance: Sequence[float], _formula: ErrorFormula) -> tuple[np.float32, np.float32]:
-    """Return errors of 0, whatever a covariance says: of a message whose covariance the release does not read."""
+    """Return errors of 0, for a message whose covariance the release does not read."""
     return _ZERO, _ZERO

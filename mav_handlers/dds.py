@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """External navigation as transforms of ROS 2, over DDS instead of MAVLink.
 
-No link corrects the stamps: they are taken for the autopilot's own time since boot. Errors, reset counter and quality
+The stamps are not corrected: they are taken as the autopilot's own time since boot. Errors, reset counter and quality
 are 0, as a transform has none.
 Source: AP_DDS/AP_DDS_External_Odom.cpp, AP_DDS/AP_DDS_Type_Conversions.cpp, AP_DDS/AP_DDS_Client.cpp.
 """
@@ -33,7 +33,7 @@ _NO_ERR: Final = f32(0)
 
 
 class Transform(NamedTuple):
-    """A transform as ROS 2 has it: x forward, y left, z up; metres, and seconds and nanoseconds of the stamp."""
+    """A ROS 2 transform: x forward, y left, z up, in metres; the stamp in seconds and nanoseconds."""
 
     frame_id: str
     child_frame_id: str
@@ -44,21 +44,21 @@ class Transform(NamedTuple):
 
 
 def time_u64_micros(sec: int, nanosec: int) -> int:
-    """Return a stamp in us, as the firmware's unsigned 64 bits have it."""
+    """Return a stamp in us, as an unsigned 64-bit integer."""
     return u64(sec * 1_000_000 + nanosec // 1000)
 
 
 def time_ms_of(remote_time_us: int) -> int:
     """Return the time of a sample in ms since boot, from its stamp in us.
 
-    The firmware multiplies in float32, so a stamp of days or years is rounded to seconds or minutes; and what 32 bits
-    of ms cannot hold wraps, as on x86-64.
+    The firmware multiplies in float32, so a stamp of days or years is rounded to seconds or minutes. The result wraps
+    at 32 bits, as on x86-64.
     """
     return u32(int(float_of_u64(remote_time_us) * _MILLI))
 
 
 def convert_transform(transform: Transform) -> tuple[Vector3f, Quaternion]:
-    """Return the position (m, NED or FRD) and the attitude, which may be of any length.
+    """Return the position (m, NED or FRD) and the attitude quaternion, which is not normalised.
 
     Source: AP_DDS_External_Odom::convert_transform.
     """
@@ -68,13 +68,13 @@ def convert_transform(transform: Transform) -> tuple[Vector3f, Quaternion]:
 
 
 def is_odometry_frame(transform: Transform) -> bool:
-    """Return whether a transform is the one that the firmware takes (AP_DDS_External_Odom::is_odometry_frame)."""
+    """Return whether the firmware accepts a transform's frames (AP_DDS_External_Odom::is_odometry_frame)."""
     return transform.frame_id == ODOM_PARENT and transform.child_frame_id == ODOM_CHILD
 
 
 @ieee754
 def receive_transforms(vehicle: Vehicle, transforms: Sequence[Transform]) -> list[Verdict]:
-    """Take a TFMessage of the topic /ap/tf; return a verdict for each transform, or the one on the whole message.
+    """Handle a TFMessage of the topic /ap/tf; return a verdict for each transform, or one for the whole message.
 
     Source: AP_DDS_Client::on_topic.
     """
@@ -87,7 +87,7 @@ def receive_transforms(vehicle: Vehicle, transforms: Sequence[Transform]) -> lis
 
 
 def _handle_external_odom(vehicle: Vehicle, transform: Transform) -> Verdict:
-    """Take one transform (AP_DDS_External_Odom::handle_external_odom)."""
+    """Handle one transform (AP_DDS_External_Odom::handle_external_odom)."""
     if not is_odometry_frame(transform):
         return TF_FRAMES
     remote_time_us = time_u64_micros(transform.sec, transform.nanosec)

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The autopilot's end of MAVLink without I/O: bytes and time in, bytes and events out.
 
-What a link brings is dealt with inside the call that brings it. The codec cuts frames out of the bytes, the routes
-decide who a frame is for, a row of ``HANDLERS`` takes it and answers with a verdict, and the verdict is counted, kept
-and told. What is sent waits for ``poll``, which sends by due time and by the room that a link has, as the firmware's
-telemetry loop does. Nothing here reads a clock, opens a port, or raises at what comes from outside; so the same bytes
-at the same times get the same answers, in a test as on a wire.
+Received bytes are handled inside the call that delivers them. The codec cuts frames out of the bytes, the routing table
+decides who a frame is for, a row of ``HANDLERS`` handles it and returns a verdict, and the verdict is counted and
+reported as an event. Output waits for ``poll``, which sends by due time and by a link's free space, as the firmware's
+telemetry loop does. Nothing here reads a clock, opens a port, or raises because of received data. The same bytes at the
+same times therefore get the same answers, in a test as on a wire.
 
-Most of the 400 polls a second find nothing to do. So each works out until when nothing falls due by time alone
-(``Rest``), and whatever brings work ends that rest: a text, a changed parameter, any message but a pose.
+Most of the 400 polls a second have nothing to do. Each poll therefore computes the time until which nothing is due
+(``Rest``). New work ends that rest: a text, a changed parameter, any message but a pose.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _MAV_SEVERITY_INFO: Final = 6
 
 
 class MessageEvent(NamedTuple):
-    """A frame was dealt with. ``header`` is None for bytes that are no frame; ``now_us`` is since boot."""
+    """A handled frame. ``header`` is None for bytes that are no frame; ``now_us`` is since boot."""
 
     channel: int
     now_us: int
@@ -68,14 +68,13 @@ class MessageEvent(NamedTuple):
 
 
 class MavEndpoint:
-    """Any number of links, one vehicle.
+    """The MAVLink endpoint of one vehicle, with any number of links.
 
     Give each link's bytes to ``receive_bytes``, call ``poll`` about 100 times per second, send what ``bytes_to_send``
-    returns, and read what happened from ``next_event`` (``on_event`` is told at once). Nothing that comes from outside
-    raises.
+    returns, and read what happened from ``next_event`` (``on_event`` is called at once). Received data never raises.
 
     Args:
-        vehicle: what is behind the endpoint.
+        vehicle: the vehicle behind the endpoint.
         message_intervals: default intervals in ms by message id, by number of the link; 0 is off.
     """
 
@@ -116,11 +115,11 @@ class MavEndpoint:
         """Add a link.
 
         Args:
-            name: what the user calls it.
-            baud: gives its messages the transport time of a UART.
+            name: the user's name for the link.
+            baud: bits per second for the transport time of a UART; None for no delay.
             version: of MAVLink, 1 or 2.
             now_us: time since boot.
-            beside: the link that it is another client of: its parameters count for both, all else is the client's own.
+            beside: the server's first link, if this is a further client; its parameters apply to both.
         """
         codec = Codec(self._system_id(), MAV_COMP_ID_AUTOPILOT1, version)
         free = (channel.index for channel in self.channels if not channel.is_open)
@@ -141,20 +140,20 @@ class MavEndpoint:
         return channel
 
     def close_channel(self, channel: Channel) -> None:
-        """Forget a client that has gone, and who was behind it; another may get its number."""
+        """Remove a client that has left, and its routes; another may get its number."""
         channel.close()
         self.routes.forget(channel.index)
         self._log_transfer.forget(channel.index)
 
     @ieee754
     def receive_bytes(self, channel: Channel, data: bytes, now_us: int, read_us: int | None = None) -> None:
-        """Handle what a link delivered.
+        """Handle the bytes that a link delivered.
 
         Args:
             channel: the link.
             data: any bytes.
             now_us: time of handling, us since boot.
-            read_us: when the bytes were read from the link, if that was earlier.
+            read_us: time at which the bytes were read from the link, if earlier.
         """
         channel.codec.feed(data)
         channel.bytes_received += len(data)
@@ -175,7 +174,7 @@ class MavEndpoint:
             header, message = received
             channel.frames_received += 1
             verdict = self._handle(channel, header, message, now_us, read_us)
-            # One name for all that are not known: there may be millions of ids, each of which would be counted.
+            # One name for all unknown ids: counting each of millions of ids would cost memory.
             name, amount = UNKNOWN_NAME if verdict is UNKNOWN_MESSAGE else header.name, 1
         channel.count(name, verdict, amount)
         event = MessageEvent(channel.index, now_us, name, header, message, verdict)
@@ -187,7 +186,7 @@ class MavEndpoint:
 
     def _handle(self, channel: Channel, header: Header, message: Message | None, now_us: int, read_us: int) -> Verdict:
         if message is None and header.name.startswith("UNKNOWN_"):
-            # The firmware cannot check such a frame, and takes it for a damaged one.
+            # The firmware cannot check such a frame, and treats it as damaged.
             return UNKNOWN_MESSAGE
         if header.name not in RADIO_MESSAGES:
             channel.active = True
@@ -204,12 +203,12 @@ class MavEndpoint:
         return handler(Context(self._vehicle, channel, header, now_us, read_us), message)
 
     def _route(self, channel: Channel, header: Header, message: Message | None) -> Verdict | None:
-        """Learn where the sender is and forward the frame; return why it is not for the autopilot, if so."""
+        """Learn the sender's route and forward the frame; return a verdict if it is not for the autopilot."""
         system_id = self._system_id()
         if header.system_id == system_id and header.component_id == MAV_COMP_ID_AUTOPILOT1:
             return OWN_MESSAGE
         self.routes.learn(header, message, channel.index, own_system=system_id)
-        if len(self.channels) == 1 and header.message_id not in TARGETED:  # which is for us, and for nobody else
+        if len(self.channels) == 1 and header.message_id not in TARGETED:  # the frame is for us, and for nobody else
             return None
         routing = self.routes.decide(
             header,
@@ -233,7 +232,7 @@ class MavEndpoint:
         return self._events.popleft() if self._events else None
 
     def bytes_to_send(self, channel: Channel) -> bytes:
-        """Return, once, what is to be sent on a link."""
+        """Return the output of a link and clear it."""
         return channel.take_output()
 
     def request_message(self, channel: Channel, name: str) -> None:
@@ -252,7 +251,7 @@ class MavEndpoint:
             channel.send(reply)
 
     def send_texts_first(self) -> None:
-        """Send the texts that wait when the bytes at hand have been dealt with, ahead of what the next poll sends."""
+        """Send waiting texts after the present bytes are handled, before the output of the next poll."""
         self._texts_go_first = True
         self._rest.end()
 
@@ -266,12 +265,12 @@ class MavEndpoint:
         self._rest.end()
 
     def send_banner(self, channel: Channel) -> None:
-        """Introduce the vehicle in texts to one link (GCS_MAVLINK::send_banner)."""
+        """Send the banner texts to one link (GCS_MAVLINK::send_banner)."""
         for line in self._vehicle.banner():
             self._vehicle.texts.send_text_to(channel.index, _MAV_SEVERITY_INFO, line)
 
     def send_ftp_replies(self, replies: Iterable[FtpReply]) -> None:
-        """Send replies of the file server, each to whom it is for."""
+        """Send each reply of the file server to its client."""
         for reply in replies:
             channel, peer = self.channels[reply.peer.channel], reply.peer
             channel.send(FILE_TRANSFER_PROTOCOL(0, peer.system_id, peer.component_id, tuple(reply.payload)))
@@ -279,7 +278,7 @@ class MavEndpoint:
                 self.send_banner(channel)
 
     def pump_log_transfer(self, channel: Channel, now_us: int) -> None:
-        """Send the next part of a listing or of a log on a link, as far as it takes any."""
+        """Send the next part of a log list or a log, as far as it fits on the link."""
         if channel.has_room():
             armed, heartbeat_us = self._vehicle.copter.is_armed(), channel.heartbeat_sent_us
             channel.send(*self._log_transfer.pump(channel.index, now_us, armed=armed, heartbeat_us=heartbeat_us))
@@ -297,11 +296,11 @@ class MavEndpoint:
         self._send_due(last_us, now_us)
 
     def idle_until_us(self) -> int:
-        """Return before when ``poll`` has nothing to do as things are; 0 if the next one may."""
+        """Return the time before which ``poll`` has nothing to do unless new work arrives; 0 if it may have work."""
         return self._rest.until_us if self._vehicle.params.generation == self._polled_generation else 0
 
     def leave_out(self, now_us: int) -> None:
-        """Count a poll as made at a time at which there was nothing to do."""
+        """Record a poll that was skipped because nothing was due."""
         self._polled_us = now_us
 
     def _send_due(self, last_us: int, now_us: int) -> None:
@@ -331,7 +330,7 @@ class MavEndpoint:
         self._rest.until_us = self._next_due_us(now_us)
 
     def _next_due_us(self, now_us: int) -> int:
-        """Return until when nothing falls due by time alone, 0 while anything waits for its turn or for room."""
+        """Return the time until which nothing is due, 0 while anything waits for its turn or for room."""
         if self._has_work():
             return 0
         now_ms, private = now_us // 1000, self._private()
@@ -384,12 +383,12 @@ class MavEndpoint:
 
     def _on_text(self, _severity: int, _text: str) -> None:
         self._rest.end()
-        # While booting nobody waits for the telemetry loop.
+        # While booting, requests do not wait for the telemetry loop.
         if self._has_polled and not self._vehicle.copter.has_booted:
             self._vehicle.texts.service(self.channels)
 
     def verdict_counts(self) -> dict[tuple[str, VerdictKind, str], int]:
-        """Return how often each message type met each verdict, over all links."""
+        """Return the number of messages by type and verdict, over all links."""
         total: dict[tuple[str, VerdictKind, str], int] = {}
         for channel in self.channels:
             for key, amount in channel.counters.items():

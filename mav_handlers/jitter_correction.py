@@ -8,9 +8,9 @@ from ap_core.cint import i64, u64
 class JitterCorrection:
     """Estimates when a sample was made, from the sender's clock and the time of arrival.
 
-    The sender's clock may have any epoch: only differences matter. The least transport lag seen defines the offset
-    between the clocks; a sample may be late by ``max_lag_ms`` at most. One corrector serves one link, whatever senders
-    and message types use it, and is never reset.
+    The sender's clock may have any epoch: only differences matter. The smallest transport lag so far defines the offset
+    between the clocks; a sample may be late by at most ``max_lag_ms``. One corrector serves all senders and message
+    types of a link, and is never reset.
     """
 
     def __init__(self, max_lag_ms: int = 500, convergence_loops: int = 100) -> None:
@@ -32,7 +32,7 @@ class JitterCorrection:
         """
         diff_us = i64(local_usec - offboard_usec)
         if not self._initialised or diff_us < self._link_offset_usec:
-            # The sample would be from the future, which cannot be.
+            # The sample would be from the future, which is impossible.
             self._link_offset_usec = diff_us
             self._initialised = True
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Differences between releases at the endpoint, and the strategy of each release."""
+"""Differences between releases at the endpoint, and the settings of each release."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ THOUSAND: Final = f32(1000)
 THOUSANDTH: Final = f32(0.001)
 
 Errors = tuple[np.float32, np.float32]
-"""Of position (m) and of attitude (rad)."""
+"""Position error (m) and attitude error (rad)."""
 
 
 def is_factory_default(action: float) -> bool:
@@ -42,21 +42,21 @@ def is_any_default(action: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class EndpointRelease:
-    """What a release does.
+    """The behaviour of a release.
 
     Attributes:
-        error_formula: makes an error of three variances.
-        mocap_errors: makes both errors of the covariance of ATT_POS_MOCAP.
-        tells_param_errors: whether PARAM_ERROR answers what cannot be read or set; else nothing does.
-        sends_origin_at_once: whether GPS_GLOBAL_ORIGIN goes to the client that has set an origin, ahead of the texts
-            that this brings, and to all when home follows (GCS_MAVLINK::set_ekf_origin; home is set by the next pass of
-            the main loop, when the texts are gone). Else the texts come first, and then GPS_GLOBAL_ORIGIN with the next
-            pass, to all; home follows in that pass, and brings no second one.
+        error_formula: computes an error from three variances.
+        mocap_errors: computes both errors from the covariance of ATT_POS_MOCAP.
+        tells_param_errors: whether PARAM_ERROR answers a read or set that fails; otherwise there is no answer.
+        sends_origin_at_once: if true, GPS_GLOBAL_ORIGIN goes to the client that has set the origin, before the texts
+            about it, and to all when home follows in the next pass of the main loop (GCS_MAVLINK::set_ekf_origin). If
+            false, the texts come first, and GPS_GLOBAL_ORIGIN goes to all in the next pass, in which home follows
+            without a second one.
         params: the names of the endpoint's parameters.
-        resets_parameters: takes the first parameter of MAV_CMD_PREFLIGHT_STORAGE, says whether it is to forget all
-            stored parameters.
-        highres_field_scale: what HIGHRES_IMU has a field in mGauss multiplied by.
-        velocity_error: makes the error of a velocity (m/s) of the covariance of VISION_SPEED_ESTIMATE.
+        resets_parameters: takes the first parameter of MAV_CMD_PREFLIGHT_STORAGE, returns whether to erase all stored
+            parameters.
+        highres_field_scale: factor from mGauss to the unit of the field in HIGHRES_IMU.
+        velocity_error: computes the error of a velocity (m/s) from the covariance of VISION_SPEED_ESTIMATE.
     """
 
     error_formula: ErrorFormula

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which links a received frame goes on to, and whether the autopilot looks at it itself.
+"""Which links a received frame is forwarded to, and whether the autopilot handles it itself.
 
 Source: GCS_MAVLink/MAVLink_routing.cpp.
 """
@@ -22,7 +22,7 @@ _V2_HEADER_BYTES: Final = 10
 _OFFSETS: Final = target_offsets()
 NO_TARGETS: Final = (None, None)
 TARGETED: Final = frozenset(msg_id for msg_id, offsets in _OFFSETS.items() if offsets != NO_TARGETS)
-"""Ids of the messages that are addressed."""
+"""Ids of the messages that have a target."""
 
 
 def target_fields(header: Header) -> tuple[int | None, int | None]:
@@ -48,7 +48,7 @@ def _byte_at(payload: bytes, offset: int | None) -> int | None:
 
 @dataclass(slots=True)
 class Route:
-    """A component seen on a link. ``vehicle_type`` is the MAV_TYPE of its first heartbeat, 0 until there is one."""
+    """A component heard on a link. ``vehicle_type`` is the MAV_TYPE of its first heartbeat, 0 until there is one."""
 
     system_id: int
     component_id: int
@@ -57,29 +57,29 @@ class Route:
 
 
 class Routing(NamedTuple):
-    """Whether the autopilot looks at a frame, and the links that get it as it came, each once."""
+    """Whether the autopilot handles a frame, and the links that it is forwarded to."""
 
     process_locally: bool
     forward_to: tuple[int, ...] = ()
 
 
 class RouteTable:
-    """The components that have been heard, and on which links; what comes after the 20th is not remembered."""
+    """The components heard on each link; at most 20 entries are stored."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[int, int, int], Route] = {}
 
     @property
     def routes(self) -> tuple[Route, ...]:
-        """What has been learned, oldest first."""
+        """The stored entries, oldest first."""
         return tuple(self._known.values())
 
     def forget(self, channel: int) -> None:
-        """Forget who was heard on a link that has ended."""
+        """Remove the components heard on a link that has ended."""
         self._known = {place: route for place, route in self._known.items() if route.channel != channel}
 
     def learn(self, header: Header, message: Message | None, channel: int, *, own_system: int) -> None:
-        """Remember where a frame's sender is, and of a heartbeat its type (MAVLink_routing::learn_route)."""
+        """Store the link of a frame's sender, and its type from a heartbeat (MAVLink_routing::learn_route)."""
         place = header.system_id, header.component_id, channel
         route = self._known.get(place)
         if route is not None and not isinstance(message, HEARTBEAT):
@@ -105,9 +105,9 @@ class RouteTable:
         is_active: Callable[[int], bool],
         channels: Sequence[int],
     ) -> Routing:
-        """Return what is to become of a frame whose sender has been learned (MAVLink_routing::check_and_forward).
+        """Return the routing of a frame whose sender has been learned (MAVLink_routing::check_and_forward).
 
-        Whether a link has room for the frame is left to the caller; a frame that does not fit counts as forwarded.
+        The caller checks whether a link has room for the frame; a frame that does not fit counts as forwarded.
 
         Args:
             header: of the frame.
@@ -115,8 +115,8 @@ class RouteTable:
             target_component: the component it is addressed to, likewise.
             channel: number of the link it came on.
             own_system: the autopilot's system id.
-            is_private: says whether nothing but what is meant for its components is forwarded to a link.
-            is_active: says whether a frame other than a radio's has been received on a link.
+            is_private: returns whether a link gets only frames that are addressed to its components.
+            is_active: returns whether a frame other than a radio's has been received on a link.
             channels: numbers of all links.
         """
         if header.system_id == own_system and header.component_id == _MAV_COMP_ID_AUTOPILOT1:

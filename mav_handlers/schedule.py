@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""When a message of a link is due: ten buckets hold periodic messages by their intervals, and some have own timers.
+"""When a message of a link is due: ten buckets hold periodic messages by interval; some messages have own timers.
 
 Source: GCS_MAVLink/GCS_Common.cpp (set_ap_message_interval, remove_message_from_bucket, find_next_bucket_to_send,
-next_deferred_bucket_message_to_send, deferred_message_to_send_index, update_send). Times are milliseconds since boot of
-which 16 bits count.
+next_deferred_bucket_message_to_send, deferred_message_to_send_index, update_send). Times are milliseconds since boot,
+compared in 16 bits.
 """
 
 from collections.abc import Callable, Set
@@ -15,12 +15,12 @@ from ap_core.cint import u16
 
 BUCKET_COUNT: Final = 10
 NEVER_MS: Final = 1 << 32
-"""Stands for the wait for what is not going to happen."""
+"""The wait for an event that does not come."""
 
 _FAR_MS: Final = 65535
 
 NEXT_PARAM: Final = "PARAM_VALUE"
-"""Stands for the turn of parameter replies and of a parameter list, many messages or none (MSG_NEXT_PARAM)."""
+"""The turn of parameter replies and of a parameter list; it sends many messages or none (MSG_NEXT_PARAM)."""
 
 DEFERRED: Final = ("HEARTBEAT", NEXT_PARAM, "HIGH_LATENCY2")
 
@@ -39,13 +39,13 @@ class _Bucket:
 
 
 class IntervalBuckets:
-    """Which messages are sent at which interval, and which of them are due.
+    """The messages sent at intervals, and which of them are due.
 
-    One bucket at a time is chosen to be sent next, and the messages of its burst are fixed at that moment. What is
-    added to it later, and any bucket that would be due earlier by then, waits until that burst has gone out.
+    One bucket at a time is chosen as the next, and the messages of its burst are fixed at that moment. Messages added
+    later, and any other bucket that becomes due earlier, wait until that burst has been sent.
 
     Args:
-        stretch: returns the interval at which a bucket is really sent, from its own one, both in ms.
+        stretch: returns a bucket's effective interval from its nominal one, both in ms.
     """
 
     def __init__(self, stretch: Callable[[int], int]) -> None:
@@ -64,9 +64,9 @@ class IntervalBuckets:
         return {name: bucket.interval_ms for bucket in self._buckets for name in bucket.names}
 
     def set_interval(self, name: str, interval_ms: int, now_ms: int) -> None:
-        """Put a message into the bucket of its interval, or, when all ten are taken, into that of the nearest.
+        """Put a message into the bucket of its interval, or of the nearest interval when all ten are taken.
 
-        An interval of 0 takes it out.
+        An interval of 0 removes it.
         """
         current = next((bucket for bucket in self._buckets if name in bucket.names), None)
         if interval_ms == 0:
@@ -111,19 +111,19 @@ class IntervalBuckets:
         return max(self._stretch(bucket.interval_ms) - u16(now_ms - bucket.last_sent_ms), 0)
 
     def due(self, now_ms: int) -> Set[str]:
-        """Return what is left of the burst that is due; nothing while none is."""
+        """Return the unsent messages of the due burst; none if no burst is due."""
         if self._sending is None or self._wait_ms(self._sending, now_ms) > 0:
             return frozenset()
         return self._to_send
 
     def wait_ms(self, now_ms: int) -> int:
-        """Return how long it is until a burst is due, 0 while one is."""
+        """Return the time until a burst is due, 0 while one is."""
         return NEVER_MS if self._sending is None else self._wait_ms(self._sending, now_ms)
 
     def note_sent(self, name: str, now_ms: int) -> None:
-        """Take a message off the burst; its bucket is due again one interval later when it was the last one.
+        """Remove a message from the burst; after the last one, the bucket is due again one interval later.
 
-        The phase is kept, unless more than one turn was missed.
+        The phase is kept unless more than one turn was missed.
         """
         bucket = self._sending
         self._to_send.discard(name)
@@ -139,7 +139,7 @@ def _distance_ms(bucket: _Bucket, interval_ms: int) -> int:
 
 
 def next_sent_ms(last_sent_ms: int, interval_ms: int, now_ms: int) -> int:
-    """Return the time to note for something just sent: one interval on, or now when that is too long ago."""
+    """Return the new time of sending: one interval after the last, or now if that is too long ago."""
     kept_phase_ms = u16(last_sent_ms + interval_ms)
     return kept_phase_ms if u16(now_ms - kept_phase_ms) <= interval_ms else u16(now_ms)
 
@@ -159,7 +159,7 @@ class _Timer:
 class DeferredMessages:
     """Timers of the heartbeat and of the parameter turn, which are never slowed down.
 
-    The one that is due first is chosen when the one before has gone out, and kept till then.
+    When a message has been sent, the one that is due first becomes the next and stays the next.
     """
 
     def __init__(self) -> None:
@@ -167,11 +167,11 @@ class DeferredMessages:
         self._next: str | None = None
 
     def intervals_ms(self) -> dict[str, int]:
-        """Return the interval of each message that has one."""
+        """Return the interval of each message."""
         return {name: timer.interval_ms for name, timer in self._timers.items() if timer.interval_ms}
 
     def set_interval(self, name: str, interval_ms: int, now_ms: int) -> None:
-        """Send a message at an interval from now on; 0 stops it, after one more when its turn is next."""
+        """Send a message at an interval from now on; 0 stops it, after one more if it is already the next."""
         self._timers[name] = _Timer(interval_ms, u16(now_ms))
 
     def due(self, now_ms: int) -> str | None:
@@ -184,7 +184,7 @@ class DeferredMessages:
         return self._next
 
     def wait_ms(self, now_ms: int) -> int:
-        """Return how long it is until one is due, 0 while one is or the next has yet to be chosen."""
+        """Return the time until a message is due, 0 while one is due or the next is not yet chosen."""
         if self._next is not None:
             return self._timers[self._next].wait_ms(now_ms)
         return 0 if self.intervals_ms() else NEVER_MS

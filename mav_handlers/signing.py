@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The vehicle's signing key: taking, storing and loading it, and keeping timestamps ahead of what was sent.
+"""The vehicle's signing key: set-up, storage, and timestamps that never go back.
 
 Timestamps count units of 10 us since 2015-01-01. Source: GCS_MAVLink/GCS_Signing.cpp.
 """
@@ -30,14 +30,14 @@ _UNSIGNED_ALLOWED: Final = frozenset({message_id("RADIO"), message_id("RADIO_STA
 
 @dataclass(frozen=True, slots=True)
 class SigningKey:
-    """A key of 32 bytes, and a timestamp that is not earlier than any sent more than 30 s ago."""
+    """A key of 32 bytes, and a timestamp not earlier than any that was sent more than 30 s ago."""
 
     timestamp: int
     secret_key: bytes
 
     @property
     def switches_off(self) -> bool:
-        """Return whether this is the key that stands for no signing: zero in all its bytes and its timestamp."""
+        """Return whether this key means no signing: all its bytes and its timestamp are zero."""
         return self.timestamp == 0 and not any(self.secret_key)
 
     def to_bytes(self) -> bytes:
@@ -46,7 +46,7 @@ class SigningKey:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> "SigningKey | None":
-        """Return the key in stored bytes, or None when there is none."""
+        """Return the key from stored bytes, or None if they hold none."""
         if len(data) < _STORED.size:
             return None
         magic, timestamp, secret_key = _STORED.unpack_from(data)
@@ -54,17 +54,17 @@ class SigningKey:
 
 
 class KeyStore(Protocol):
-    """Where the key outlives a reboot."""
+    """Storage that keeps the key over a reboot."""
 
     def load(self) -> bytes:
         """Return what was saved, or nothing."""
 
     def save(self, data: bytes) -> bool:
-        """Keep these bytes; say whether that worked."""
+        """Store these bytes; return whether that succeeded."""
 
 
 class MemoryKeyStore:
-    """Keeps the key as long as it exists itself."""
+    """Keeps the key in memory."""
 
     def __init__(self, data: bytes = b"") -> None:
         self._data = data
@@ -74,7 +74,7 @@ class MemoryKeyStore:
         return self._data
 
     def save(self, data: bytes) -> bool:
-        """Keep these bytes."""
+        """Store these bytes."""
         self._data = data
         return True
 
@@ -136,11 +136,11 @@ class SigningState:
             self._save(replace(key, timestamp=latest))
 
     def save_wait_ms(self, now_ms: int) -> int:
-        """Return how long it is until the timestamp is stored again, 0 while that is due."""
+        """Return the time until the timestamp is next stored, 0 while that is due."""
         return max(SAVE_INTERVAL_MS - u32(now_ms - self._last_save_ms), 0)
 
     def update_timestamp(self, channels: Iterable[Channel], utc_us: int, now_ms: int) -> None:
-        """Take over a time of day (us since 1970) that has just become known (GCS_MAVLINK::update_signing_timestamp).
+        """Update the timestamp from a new time of day, us since 1970 (GCS_MAVLINK::update_signing_timestamp).
 
         Times before 2015 are counted from 1970.
         """
@@ -164,5 +164,5 @@ def _active(channels: Iterable[Channel]) -> list[LinkSigning]:
 
 
 def _accepts_unsigned(link: int, msg_id: int) -> bool:
-    # The first link is the USB port of a flight board, held to be safe.
+    # The first link is the USB port of a flight board, which is trusted.
     return link == 0 or msg_id in _UNSIGNED_ALLOWED

@@ -22,7 +22,7 @@ MAX_TEXT_LEN: Final = 256
 
 @dataclass(slots=True)
 class QueuedChunk:
-    """A chunk of a text and the links that still have to get it; None means every link there is."""
+    """A chunk of a text and the links that still have to get it; None means all links."""
 
     message: STATUSTEXT
     queued_us: int
@@ -30,7 +30,7 @@ class QueuedChunk:
 
 
 def chunk_text(severity: int, text: str, text_id: int) -> tuple[STATUSTEXT, ...]:
-    """Cut a text into messages; the end is known by a chunk shorter than 50, which may be empty.
+    """Cut a text into messages; a chunk shorter than 50, possibly empty, marks the end.
 
     Args:
         severity: MAV_SEVERITY.
@@ -47,15 +47,15 @@ def chunk_text(severity: int, text: str, text_id: int) -> tuple[STATUSTEXT, ...]
 
 
 class StatusTextQueue:
-    """Holds texts until the telemetry loop sends them; the oldest chunk is lost when 30 are waiting.
+    """Holds texts until the telemetry loop sends them; a new chunk replaces the oldest when 30 are waiting.
 
     Args:
         now_us: returns the time since boot.
 
     Attributes:
-        on_text: each is called with severity and text when a text has been queued; the vehicle's log listens here.
-        listening_channels: tells which links are to get a text that is queued now; None for every link.
-        overwritten: chunks lost because 30 newer ones came.
+        on_text: called with severity and text when a text has been queued, for instance by the vehicle's log.
+        listening_channels: returns the links that get a text queued now; None for all links.
+        overwritten: chunks lost to newer ones.
         expired: chunks lost because they waited for more than 5 s.
     """
 
@@ -74,7 +74,7 @@ class StatusTextQueue:
         self._queue_text(severity, text, self.listening_channels())
 
     def send_text_to(self, channel_index: int, severity: int, text: str) -> None:
-        """Queue a text for one link, if that listens (GCS_MAVLINK::send_text)."""
+        """Queue a text for one link, if it listens (GCS_MAVLINK::send_text)."""
         listening = self.listening_channels()
         self._queue_text(severity, text, {channel_index} if listening is None else {channel_index} & listening)
 
@@ -108,7 +108,7 @@ class StatusTextQueue:
         return tuple(self._queue)
 
     def service(self, channels: Sequence[Channel]) -> None:
-        """Send every link what it has room for, and once a second forget what has waited for more than 5 s."""
+        """Send each link as many chunks as fit, and once a second drop chunks that have waited for more than 5 s."""
         if not self._queue:
             return
         for chunk in self._queue:

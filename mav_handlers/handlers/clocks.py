@@ -29,7 +29,7 @@ def handle_timesync(ctx: Context, message: TIMESYNC) -> Verdict:
 
 
 def send_timesync(channel: Channel, now_us: int, system_id: int) -> None:
-    """Ask the other end for its time, at most once in 10 s; the stamp's last digits are our system id."""
+    """Send a TIMESYNC request, at most once in 10 s; the stamp's last digits are our system id."""
     if now_us < timesync_due_us(channel):
         return
     channel.timesync_sent_us = now_us
@@ -38,7 +38,7 @@ def send_timesync(channel: Channel, now_us: int, system_id: int) -> None:
 
 
 def timesync_due_us(channel: Channel) -> int:
-    """Return when the other end is asked for its time again, us since boot."""
+    """Return the time of the next TIMESYNC request, us since boot."""
     return channel.timesync_sent_us + TIMESYNC_PERIOD_US
 
 

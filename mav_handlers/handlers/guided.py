@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handlers of what a companion or a pilot wants the vehicle to do in flight.
+"""Handlers of guided targets and of the pilot's stick overrides.
 
 Source: ArduCopter/GCS_MAVLink_Copter.cpp (handle_message_set_position_target_local_ned and _global_int),
 GCS_Common.cpp (handle_rc_channels_override).
@@ -41,7 +41,7 @@ _Three = tuple[float, float, float]
 
 
 def _flight_in_guided(ctx: Context) -> FlightControl | Verdict:
-    """Return who flies, or why a target has no effect."""
+    """Return the flight controller, or the verdict that says why a target has no effect."""
     flight = ctx.vehicle.copter.flight
     if flight is None:
         return NO_FLIGHT
@@ -49,7 +49,7 @@ def _flight_in_guided(ctx: Context) -> FlightControl | Verdict:
 
 
 def handle_set_position_target_local_ned(ctx: Context, message: SET_POSITION_TARGET_LOCAL_NED) -> Verdict:
-    """Fly to a place, or at a velocity or acceleration; what is not understood makes the vehicle stay."""
+    """Fly to a position, or at a velocity or acceleration; an unsupported combination makes the vehicle hold."""
     flight = _flight_in_guided(ctx)
     if isinstance(flight, Verdict):
         return flight
@@ -72,7 +72,7 @@ def handle_set_position_target_local_ned(ctx: Context, message: SET_POSITION_TAR
 
 
 def handle_set_position_target_global_int(ctx: Context, message: SET_POSITION_TARGET_GLOBAL_INT) -> Verdict:
-    """The same with a place on earth, or with a velocity or acceleration; there is no terrain data."""
+    """Fly to a global position, or at a velocity or acceleration; there is no terrain data."""
     flight = _flight_in_guided(ctx)
     if isinstance(flight, Verdict):
         return flight
@@ -101,7 +101,7 @@ def _target(
     *,
     is_relative: bool,
 ) -> GuidedTarget | None:
-    """Return what is asked for, or None for what the firmware does not understand."""
+    """Return the requested target, or None for a combination that the firmware does not support."""
     mask = message.type_mask
     has_vel, has_acc = not mask & VEL_IGNORE, not mask & ACC_IGNORE
     is_unknown = (has_acc and mask & FORCE_SET) or not (pos or has_vel or has_acc)
@@ -132,7 +132,7 @@ def _obey(flight: FlightControl, target: GuidedTarget | None) -> Verdict:
 
 
 def handle_rc_channels_override(ctx: Context, message: RC_CHANNELS_OVERRIDE) -> Verdict:
-    """Move the pilot's sticks, if the ground station in charge says so."""
+    """Override the pilot's sticks, if the sender is the ground station in charge."""
     flight = ctx.vehicle.copter.flight
     if flight is None:
         return NO_FLIGHT

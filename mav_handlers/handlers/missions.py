@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Missions, fences and rally points (GCS_Common.cpp, MissionItemProtocol.cpp, AP_Mission.cpp).
 
-FIRMWARE PARITY: there is room for none of them. Home is the only item; uploads are refused as too large.
+FIRMWARE PARITY: there is no storage for them. Home is the only item; uploads are refused as too large.
 """
 
 from enum import IntEnum
@@ -46,7 +46,7 @@ class MissionType(IntEnum):
 
 
 class MissionResult(IntEnum):
-    """MAV_MISSION_RESULT values that are used here."""
+    """MAV_MISSION_RESULT values used here."""
 
     ACCEPTED = 0
     ERROR = 1
@@ -59,9 +59,9 @@ class Mission:
     """Holds home, the first item of every mission, and nothing else.
 
     Attributes:
-        item_count: 1 once home is there, 0 before and after the mission was cleared.
-        warned_of_request: the client was told to use MISSION_REQUEST_INT.
-        warned_of_item: the client was told to use MISSION_ITEM_INT.
+        item_count: 1 once home is set; 0 before, and after the mission was cleared.
+        warned_of_request: the text that recommends MISSION_REQUEST_INT was sent.
+        warned_of_item: the text that recommends MISSION_ITEM_INT was sent.
     """
 
     def __init__(self) -> None:
@@ -70,11 +70,11 @@ class Mission:
         self.warned_of_item = False
 
     def add_home(self) -> None:
-        """Take home as the first item (AP_Mission::write_home_to_storage)."""
+        """Store home as the first item (AP_Mission::write_home_to_storage)."""
         self.item_count = 1
 
     def clear(self) -> None:
-        """Forget all items; home comes back when it is set the next time (AP_Mission::clear)."""
+        """Delete all items; home returns when it is next set (AP_Mission::clear)."""
         self.item_count = 0
 
 
@@ -97,7 +97,7 @@ def _send_count(ctx: Context, mission_type: int) -> Verdict:
 
 
 def _refusal(ctx: Context, mission_type: int) -> Verdict | None:
-    """Answer what this type and link cannot do at all (get_prot_for_mission_type, mavlink2_requirement_met)."""
+    """Answer a request that its type or link does not support (get_prot_for_mission_type, mavlink2_requirement_met)."""
     if mission_type not in _SUPPORTED:
         return _acknowledge(ctx, MissionResult.UNSUPPORTED, mission_type)
     return _needs_mavlink2(ctx, mission_type)
@@ -111,12 +111,12 @@ def _needs_mavlink2(ctx: Context, mission_type: int) -> Verdict | None:
 
 
 def handle_mission_request_list(ctx: Context, message: MISSION_REQUEST_LIST) -> Verdict:
-    """Return how many items there are."""
+    """Send the number of items."""
     return _refusal(ctx, message.mission_type) or _send_count(ctx, message.mission_type)
 
 
 def handle_mission_count(ctx: Context, message: MISSION_COUNT) -> Verdict:
-    """Take an empty list; there is no room for any other."""
+    """Accept an empty list; there is no storage for any other."""
     refusal = _refusal(ctx, message.mission_type)
     if refusal is not None:
         return refusal
@@ -131,7 +131,7 @@ def handle_mission_count(ctx: Context, message: MISSION_COUNT) -> Verdict:
 
 
 def handle_mission_clear_all(ctx: Context, message: MISSION_CLEAR_ALL) -> Verdict:
-    """Forget all items."""
+    """Delete all items."""
     if message.mission_type not in _SUPPORTED:
         return _acknowledge(ctx, MissionResult.UNSUPPORTED, message.mission_type)
     if message.mission_type == MissionType.MISSION:
@@ -149,7 +149,7 @@ def handle_mission_write_partial_list(ctx: Context, message: MISSION_WRITE_PARTI
 
 
 def handle_mission_item(ctx: Context, message: MISSION_ITEM | MISSION_ITEM_INT) -> Verdict:
-    """Refuse an item, as none was asked for."""
+    """Refuse an item, because none was requested."""
     if message.mission_type not in _SUPPORTED:
         return _acknowledge(ctx, MissionResult.UNSUPPORTED, message.mission_type)
     mission = ctx.vehicle.copter.mission
@@ -160,12 +160,12 @@ def handle_mission_item(ctx: Context, message: MISSION_ITEM | MISSION_ITEM_INT) 
 
 
 def _request_refusal(ctx: Context, mission_type: int) -> Verdict | None:
-    # Of a type that is not supported no item is refused: there is no answer at all.
+    # An item of an unsupported type gets no answer at all.
     return _needs_mavlink2(ctx, mission_type) if mission_type in _SUPPORTED else MISSION_TYPE
 
 
 def _has_item(message: MISSION_REQUEST | MISSION_REQUEST_INT) -> bool:
-    # Home can be read at any time, if only as zeros.
+    # Home can always be read; it is zeros while unset.
     return message.mission_type == MissionType.MISSION and message.seq == 0
 
 
@@ -175,7 +175,7 @@ def _home(ctx: Context) -> tuple[Location, np.float32]:
 
 
 def handle_mission_request_int(ctx: Context, message: MISSION_REQUEST_INT) -> Verdict:
-    """Send home, or tell how many items there are."""
+    """Send home; a request for any other item gets the count and an error."""
     refusal = _request_refusal(ctx, message.mission_type)
     if refusal is not None:
         return refusal
@@ -190,7 +190,7 @@ def handle_mission_request_int(ctx: Context, message: MISSION_REQUEST_INT) -> Ve
 
 
 def handle_mission_request(ctx: Context, message: MISSION_REQUEST) -> Verdict:
-    """Send home in float32, where degrees lose metres, and recommend the other way once."""
+    """Send home in float32, where degrees are accurate to metres only, and recommend MISSION_REQUEST_INT once."""
     refusal = _request_refusal(ctx, message.mission_type)
     if refusal is not None:
         return refusal

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handlers of everything that is neither navigation, parameter, clock nor command."""
+"""Handlers of messages that are neither navigation, parameter, clock nor command."""
 
 from typing import Final
 
@@ -33,12 +33,12 @@ STREAM_ALL: Final = 0
 
 
 def handle_heartbeat(_ctx: Context, _message: HEARTBEAT) -> Verdict:
-    """Note that somebody is there; that has no further effect here."""
+    """Accept a heartbeat; it has no effect here."""
     return HANDLED
 
 
 def handle_statustext(ctx: Context, message: STATUSTEXT) -> Verdict:
-    """Log somebody else's text, with its origin (GCS_MAVLINK::handle_statustext)."""
+    """Log another system's text, with its origin (GCS_MAVLINK::handle_statustext)."""
     header = ctx.header
     if ctx.vehicle.release.params.is_ground_station(ctx.vehicle.params, header.system_id):
         prefix = "GCS:"
@@ -65,9 +65,9 @@ def handle_set_gps_global_origin(ctx: Context, message: SET_GPS_GLOBAL_ORIGIN) -
 
 
 def handle_set_mode(ctx: Context, message: SET_MODE) -> Verdict:
-    """Enter a mode or move the safety switch (GCS_MAVLINK::handle_set_mode).
+    """Enter a mode or set the safety switch (GCS_MAVLINK::handle_set_mode).
 
-    There is no answer but the next heartbeat, or a text of refusal.
+    The only answer is the next heartbeat, or a text if the mode is refused.
     """
     result = set_mode(ctx, message.base_mode, message.custom_mode)
     return HANDLED if result is MavResult.ACCEPTED else MODE_REFUSED
@@ -98,7 +98,7 @@ def _set_rate(ctx: Context, group: tuple[str, tuple[str, ...]], rate_hz: int) ->
 
 
 def handle_radio_status(ctx: Context, message: RADIO_STATUS | RADIO) -> Verdict:
-    """Adapt to how full a radio's transmit buffer is (GCS_MAVLINK::handle_radio_status)."""
+    """Adapt the intervals to a radio's free transmit buffer (GCS_MAVLINK::handle_radio_status)."""
     ctx.vehicle.endpoint.radio.report(message.txbuf, ctx.now_us)
     ctx.channel.stream_slowdown_ms = adapted_slowdown_ms(ctx.channel.stream_slowdown_ms, message.txbuf)
     return HANDLED

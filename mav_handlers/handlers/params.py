@@ -21,14 +21,14 @@ _MAV_SEVERITY_WARNING: Final = 4
 
 
 def handle_param_request_list(ctx: Context, _message: PARAM_REQUEST_LIST) -> Verdict:
-    """Introduce the vehicle and start the list at index 0 (handle_param_request_list)."""
+    """Send the banner texts and start the list at index 0 (handle_param_request_list)."""
     ctx.vehicle.endpoint.send_banner(ctx.channel)
     start_param_list(ctx.vehicle.params, ctx.channel, ctx.now_us)
     return HANDLED
 
 
 def handle_param_request_read(ctx: Context, message: PARAM_REQUEST_READ) -> Verdict:
-    """Queue a read; unknown parameters wait in the queue as well, to get no reply or PARAM_ERROR.
+    """Queue a read, of unknown parameters too; those get no reply or PARAM_ERROR.
 
     Source: GCS_MAVLINK::handle_param_request_read.
     """
@@ -39,7 +39,7 @@ def handle_param_request_read(ctx: Context, message: PARAM_REQUEST_READ) -> Verd
 
 
 def handle_param_set(ctx: Context, message: PARAM_SET) -> Verdict:
-    """Change a parameter by its stored type, and echo it to every active link (handle_param_set)."""
+    """Set a parameter in its stored type, and echo it to every active link (handle_param_set)."""
     params = ctx.vehicle.params
     result = params.set_from_mavlink(message.param_id, np.float32(message.param_value))
     if result.outcome is ParamOutcome.UNKNOWN:
@@ -56,14 +56,14 @@ def handle_param_set(ctx: Context, message: PARAM_SET) -> Verdict:
             reply = PARAM_VALUE(echo.name, float(echo.value), echo.wire_type, params.count, NO_INDEX)
             ctx.channel.send(reply)
         return PARAM_READ_ONLY
-    # One record as the sender spelled it; the echoes write theirs when they leave.
+    # One record with the sender's spelling; the echoes are logged when they are sent.
     ctx.vehicle.log.parameter(message.param_id, result.value)
     ctx.vehicle.endpoint.echo_parameters(result.echoes)
     return HANDLED
 
 
 def _tell_error(ctx: Context, message: PARAM_SET, error: int) -> None:
-    """Tell the sender why its parameter was not set, in a release that does (GCS_MAVLINK::send_param_error)."""
+    """Send PARAM_ERROR if the release has it (GCS_MAVLINK::send_param_error)."""
     if ctx.vehicle.release.tells_param_errors and ctx.channel.has_space_for(PARAM_ERROR):
         ids = ctx.header.system_id, ctx.header.component_id
         ctx.channel.send(PARAM_ERROR(*ids, message.param_id, BY_NAME, error))

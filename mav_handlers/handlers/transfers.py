@@ -22,7 +22,7 @@ _BITS_PER_BYTE: Final = 10
 
 
 def handle_file_transfer_protocol(ctx: Context, message: FILE_TRANSFER_PROTOCOL) -> Verdict:
-    """Give a request to the file server and send its first replies (GCS_MAVLINK::handle_file_transfer_protocol)."""
+    """Pass a request to the file server and send its first replies (GCS_MAVLINK::handle_file_transfer_protocol)."""
     baud = ctx.channel.baud
     peer = FtpPeer(
         ctx.channel.index,
@@ -41,7 +41,7 @@ def _refuse(ctx: Context) -> Verdict | None:
 
 
 def handle_log_request_list(ctx: Context, message: LOG_REQUEST_LIST) -> Verdict:
-    """Start a listing of logs."""
+    """Start to list the logs."""
     transfer, link = ctx.vehicle.log_transfer, ctx.channel.index
     verdict = _refuse(ctx) or transfer.request_list(link, message.start, message.end)
     ctx.vehicle.endpoint.pump_log_transfer(ctx.channel, ctx.now_us)
@@ -67,7 +67,7 @@ def handle_log_erase(ctx: Context, _message: LOG_ERASE) -> Verdict:
 
 
 def handle_setup_signing(ctx: Context, message: SETUP_SIGNING) -> Verdict:
-    """Store a signing key and use it at once; texts go to the asking link alone."""
+    """Store a signing key and use it at once; texts go to the requesting link alone."""
 
     def tell(text: str) -> None:
         ctx.vehicle.texts.send_text_to(ctx.channel.index, _MAV_SEVERITY_WARNING, text)

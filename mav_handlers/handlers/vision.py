@@ -33,7 +33,7 @@ _EulerPose = VISION_POSITION_ESTIMATE | GLOBAL_VISION_POSITION_ESTIMATE | VICON_
 
 
 def handle_vision_position_estimate(ctx: Context, message: _EulerPose) -> Verdict:
-    """Take a pose with Euler angles; VICON_POSITION_ESTIMATE has no reset counter, none of them a quality."""
+    """Handle a pose with Euler angles. VICON_POSITION_ESTIMATE has no reset counter; none has a quality."""
     timestamp_ms = ctx.correct_time_ms(type(message), message.usec)
     posErr, angErr = pose_errors(message.covariance, ctx.vehicle.release.error_formula)
     reset_counter = 0 if isinstance(message, VICON_POSITION_ESTIMATE) else message.reset_counter
@@ -50,7 +50,7 @@ def handle_vision_position_estimate(ctx: Context, message: _EulerPose) -> Verdic
 
 
 def handle_att_pos_mocap(ctx: Context, message: ATT_POS_MOCAP) -> Verdict:
-    """Take a pose with a quaternion; what its covariance is good for depends on the release."""
+    """Handle a pose with a quaternion; the release decides how its covariance is used."""
     timestamp_ms = ctx.correct_time_ms(ATT_POS_MOCAP, message.time_usec)
     release = ctx.vehicle.release
     posErr, angErr = release.mocap_errors(message.covariance, release.error_formula)
@@ -67,12 +67,12 @@ def handle_att_pos_mocap(ctx: Context, message: ATT_POS_MOCAP) -> Verdict:
 
 
 def odometry_frames_accepted(message: ODOMETRY) -> bool:
-    """Return whether an ODOMETRY has the one pair of frames that the firmware takes."""
+    """Return whether an ODOMETRY has the one pair of frames that the firmware accepts."""
     return message.frame_id == MAV_FRAME_LOCAL_FRD and message.child_frame_id == MAV_FRAME_BODY_FRD
 
 
 def handle_odometry(ctx: Context, message: ODOMETRY) -> Verdict:
-    """Take a pose, then the velocity turned by the message's own quaternion; one time correction serves both."""
+    """Handle a pose, then the velocity rotated by the message's quaternion; one time correction serves both."""
     if not odometry_frames_accepted(message):
         return ODOMETRY_FRAMES
     q = Quaternion(*message.q)
@@ -90,7 +90,7 @@ def handle_odometry(ctx: Context, message: ODOMETRY) -> Verdict:
         message.reset_counter,
         message.quality,
     )
-    # The gates see the same counter, quality and time again, so the velocity shares the pose's verdict.
+    # Counter, quality and time are the same, so the velocity gets the pose's verdict.
     visual_odom.handle_vision_speed_estimate(
         message.time_usec, timestamp_ms, vel, message.reset_counter, message.quality
     )
@@ -98,7 +98,7 @@ def handle_odometry(ctx: Context, message: ODOMETRY) -> Verdict:
 
 
 def handle_vision_speed_estimate(ctx: Context, message: VISION_SPEED_ESTIMATE) -> Verdict:
-    """Take a velocity in NED; of its covariance what the release makes of it."""
+    """Handle a velocity in NED; the release decides how its covariance is used."""
     timestamp_ms = ctx.correct_time_ms(VISION_SPEED_ESTIMATE, message.usec)
     vel = Vector3f(message.x, message.y, message.z)
     return ctx.vehicle.visual_odom.handle_vision_speed_estimate(
@@ -112,7 +112,7 @@ def handle_vision_speed_estimate(ctx: Context, message: VISION_SPEED_ESTIMATE) -
 
 
 def handle_vision_position_delta(ctx: Context, message: VISION_POSITION_DELTA) -> Verdict:
-    """Take a change of pose; ``time_usec`` is ignored, the time of handling counts."""
+    """Handle a change of pose; ``time_usec`` is ignored, the time of handling counts."""
     return ctx.vehicle.visual_odom.handle_vision_position_delta_msg(
         message.time_delta_usec,
         Vector3f(*message.angle_delta),

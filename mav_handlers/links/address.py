@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""HOST:PORT as connection strings write it; IPv4 and host names only."""
+"""HOST:PORT in connection strings; IPv4 addresses and host names only."""
 
 import socket
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ SocketAddress = tuple[str, int]
 
 @dataclass(frozen=True)
 class HostPort:
-    """Name an end of a network link; ``host`` is as written, or the default."""
+    """One end of a network link; ``host`` is as written, or the default."""
 
     host: str
     port: int
@@ -27,15 +27,15 @@ def text_of(address: SocketAddress) -> str:
 
 
 def is_loopback(address: SocketAddress) -> bool:
-    """Return whether only this machine reaches an IPv4 address."""
+    """Return whether an IPv4 address can only be reached from this machine."""
     return address[0].startswith("127.")
 
 
 def parse_host_port(name: str, address: str, default_host: str = LOOPBACK, *, any_port: bool = False) -> HostPort:
-    """Read ``HOST:PORT``, ``:PORT`` or ``PORT``; without a host it is the default.
+    """Read ``HOST:PORT``, ``:PORT`` or ``PORT``; the host defaults to ``default_host``.
 
-    pymavlink refuses ``PORT`` and takes an empty host as every interface; here nothing leaves the machine
-    unless an address says so.
+    pymavlink refuses ``PORT`` and takes an empty host as every interface; here the default host keeps traffic on the
+    machine.
 
     Args:
         name: The whole connection string, for the error.
@@ -44,7 +44,7 @@ def parse_host_port(name: str, address: str, default_host: str = LOOPBACK, *, an
         any_port: Whether port 0 (the system chooses) is allowed.
 
     Raises:
-        ConnectionStringError: Something else is written there.
+        ConnectionStringError: The address has another form.
     """
     host, _, port_text = address.rpartition(":")
     if ":" in host:
@@ -58,7 +58,7 @@ def parse_host_port(name: str, address: str, default_host: str = LOOPBACK, *, an
 
 
 def resolve(name: str, where: HostPort) -> SocketAddress:
-    """Look the host up once and return its IPv4 address. Raises LinkError if the name is not known."""
+    """Look up the host and return its IPv4 address. Raises LinkError if the name is unknown."""
     try:
         found = socket.getaddrinfo(where.host, where.port, socket.AF_INET, socket.SOCK_STREAM)
     except (OSError, ValueError) as error:  # a host that cannot be encoded is a ValueError

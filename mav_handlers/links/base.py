@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every link is: bytes in, bytes out, counters, and no exception once it is open."""
+"""The interface of links: bytes in, bytes out, counters, and no exception once a link is open."""
 
 import os
 import resource
@@ -16,19 +16,19 @@ DROP_NO_PEER = "no peer"
 DROP_BACKLOG_FULL = "backlog full"
 
 SPARE_DESCRIPTORS = 16
-"""So many file descriptors are kept from newcomers, for what the vehicle itself opens: its logs, its parameters."""
+"""File descriptors reserved for the vehicle's own files, such as logs and parameters; new clients do not get them."""
 
 
 MOST_REFUSED_TOLD = 16
-"""So many who were turned away are told by name, until there is room again."""
+"""The number of refused clients that are reported by name, until there is room again."""
 
 
 class LinkError(Exception):
-    """A link that cannot be opened, in one line: which one and why."""
+    """A link that cannot be opened; the text is one line that names the link and the reason."""
 
 
 class ConnectionStringError(LinkError):
-    """A connection string that names no link."""
+    """A connection string of no known form."""
 
 
 def bad_string(name: str, why: str) -> ConnectionStringError:
@@ -38,14 +38,13 @@ def bad_string(name: str, why: str) -> ConnectionStringError:
 
 @dataclass
 class LinkStats:
-    """Hold what a link has carried and lost since it was opened.
+    """Counters of what a link has carried and lost since it was opened.
 
-    ``bytes_in`` and ``bytes_out`` count what the system gave and took; ``bytes_dropped`` counts what was
-    sent and is known to be lost, also when the system reports that afterwards. ``drop_reasons`` counts
-    losses (a call to ``send``, a datagram or a whole backlog) by reason; a failed read is counted there
-    too, with no bytes. ``connects`` and ``disconnects`` count peers gained and lost, where a link can tell.
-    ``open_failures`` counts attempts to get a peer or a device that failed; ``open_failure`` is why the last of a
-    client's did.
+    ``bytes_in`` and ``bytes_out`` count the bytes read from and written to the system. ``bytes_dropped`` counts bytes
+    known to be lost, also when the system reports the loss later. ``drop_reasons`` counts losses (a call to ``send``, a
+    datagram or a whole backlog) by reason, and failed reads, which lose no bytes. ``connects`` and ``disconnects``
+    count peers gained and lost, if a link knows its peers. ``open_failures`` counts failed attempts to get a peer or a
+    device; ``open_failure`` is the reason of a client's last one.
     """
 
     bytes_in: int = 0
@@ -64,19 +63,19 @@ class LinkStats:
 
     @property
     def unreached(self) -> str:
-        """Why there has never been a peer; empty if there was one, or no attempt has failed."""
+        """The reason why there has never been a peer; empty if there was one, or no attempt has failed."""
         return "" if self.connects else self.open_failure
 
     def snapshot(self) -> "LinkStats":
-        """Return the present values, which count no further."""
+        """Return a copy of the present values."""
         return replace(self, drop_reasons=self.drop_reasons.copy())
 
 
 class News:
-    """Tells whoever listens, in a few words, who comes and goes on a link, and what fails.
+    """Reports to a listener which peers come and go on a link, and what fails.
 
-    What fails again and again for one reason is told once; so is each of those who are turned away for want of room,
-    and no more than 16 of them, until there was room.
+    A failure that repeats for one reason is reported once. So is each refused client, up to 16 of them, until there is
+    room again.
     """
 
     def __init__(self) -> None:
@@ -85,41 +84,41 @@ class News:
         self._refused: set[str] = set()
 
     def tell(self, listener: Callable[[str], None]) -> None:
-        """Have somebody told of each from now on, and at once of what fails already."""
+        """Set the listener, and report a present failure at once."""
         self._listener = listener
         if self._failure:
             listener(self._failure)
 
     def connected(self, peer: str) -> None:
-        """Tell that somebody is there."""
+        """Report a new peer."""
         self._failure = ""
         self._listener(f"{peer} connected")
 
     def left(self, peer: str, why: str) -> None:
-        """Tell that somebody is gone."""
+        """Report that a peer has left."""
         self._refused.clear()
         self._listener(f"{peer} left: {why}")
 
     def failed(self, why: str) -> None:
-        """Tell that nobody can be reached."""
+        """Report that no peer can be reached."""
         text = f"{why}; attempts go on"
         if text != self._failure:
             self._failure = text
             self._listener(text)
 
     def refused(self, peer: str, why: str) -> None:
-        """Tell that somebody was turned away."""
+        """Report that a client was refused."""
         if peer not in self._refused and len(self._refused) < MOST_REFUSED_TOLD:
             self._refused.add(peer)
             self._listener(f"{peer} refused: {why}")
 
 
 class Link(Protocol):
-    """Carry bytes to and from a peer without ever blocking or raising.
+    """Carries bytes to and from a peer without ever blocking or raising.
 
     ``name`` is the connection string as given. ``baud`` is the rate for the model of the UART's transport
-    time, None for no delay; whoever owns the link may set it, as the firmware's simulator applies a rate to
-    its TCP ports. ``news`` tells who comes and goes.
+    time, None for no delay; the owner may set it, as the firmware's simulator applies a rate to its TCP ports. ``news``
+    reports peers that come and go.
     """
 
     name: str
@@ -128,12 +127,13 @@ class Link(Protocol):
 
     @property
     def peer_names(self) -> tuple[str, ...]:
-        """Return who is at the other end, by address or device, where the link can tell."""
+        """Return the addresses or devices of the peers, if the link knows them."""
 
     def admit(self) -> "Link | None":
-        """Return a link of its own for one more client of a server that waits; None where nobody does.
+        """Return a new link for a further client that waits at a server; None if none waits.
 
-        Such a link is over once it has no peer. A server that is never asked serves one client after the other.
+        Such a link ends when its client leaves. A server whose ``admit`` is never called serves one client after the
+        other.
         """
 
     @property
@@ -151,14 +151,14 @@ class Link(Protocol):
         """Send the bytes, or keep them in a bounded backlog, or drop the whole call and count it."""
 
     def fileno(self) -> int:
-        """Return the descriptor to wait on for reading, -1 if there is none; it may change in any call."""
+        """Return the descriptor to wait on for reading, -1 if there is none; any call may change it."""
 
     def close(self) -> None:
         """Release everything; after that ``receive`` returns b"" and ``send`` counts a drop."""
 
 
 class LinkParts:
-    """What a link has whatever carries its bytes; one that knows nobody and takes in nobody unless it says so."""
+    """Base of links: name, counters and news; without known peers or further clients unless a subclass has them."""
 
     def __init__(self, name: str, baud: int | None = None) -> None:
         self.name = name
@@ -174,11 +174,11 @@ class LinkParts:
 
     @property
     def peer_names(self) -> tuple[str, ...]:
-        """Return nobody: who is at the other end is not known."""
+        """Return no names: the peer is not known."""
         return ()
 
     def admit(self) -> Link | None:
-        """Return None: there is one other end."""
+        """Return None: there are no further clients."""
         return None
 
 
@@ -189,7 +189,7 @@ def check_max_bytes(max_bytes: int) -> None:
 
 
 def reason_of(error: Exception) -> str:
-    """Return the system's own words for an error, short and in one line, without the path it names."""
+    """Return the system's text for an error in one short line, without the path."""
     if isinstance(error, socket.gaierror):  # its numbers are not those of errno
         text = error.strerror or str(error)
     elif isinstance(error, OSError) and error.errno is not None:
@@ -200,22 +200,22 @@ def reason_of(error: Exception) -> str:
 
 
 def cannot_open(name: str, error: Exception) -> LinkError:
-    """Build the error for a link that does not open."""
+    """Build the error for a link that cannot be opened."""
     return LinkError(f"cannot open {name}: {reason_of(error)}")
 
 
 def is_short_of_descriptors(descriptor: int) -> bool:
-    """Return whether a descriptor that the system has just given is one of the last few that the process may have.
+    """Return whether a new descriptor is one of the last few that the process may have.
 
-    The system gives the lowest that is free, so this one tells how many are in use. A newcomer with such a descriptor
-    is turned away; one whose descriptor was refused altogether would have taken the vehicle's last ones.
+    The system returns the lowest free number, so the number tells how many are in use. A client with such a descriptor
+    is refused, to leave the last ones to the vehicle's files.
     """
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return limit != resource.RLIM_INFINITY and descriptor >= limit - SPARE_DESCRIPTORS
 
 
 class Readable(Protocol):
-    """What can be waited for."""
+    """An object with a descriptor to wait on."""
 
     def fileno(self) -> int:
         """Return the descriptor to wait on, -1 if there is none."""
@@ -225,11 +225,11 @@ R = TypeVar("R", bound=Readable)
 
 
 def wait_readable(links: Iterable[R], timeout_s: float) -> list[R]:
-    """Wait until a link has something to read, or for ``timeout_s`` seconds, and return those that have.
+    """Wait until a link is readable, or for ``timeout_s`` seconds, and return the readable ones.
 
-    A link without a descriptor is never returned: poll it. The descriptors are asked for again in each call
-    because a link that lost its peer may come back under the same number, which a kept set would miss. It takes no
-    descriptor itself, so that a process that has none left goes on.
+    A link without a descriptor is never returned: poll it. Each call reads the descriptors again, because a link that
+    lost its peer may return under the same number. The call uses no descriptor of its own, so it works in a process
+    that has none left.
     """
     poller = select.poll()
     waiting: dict[int, R] = {}

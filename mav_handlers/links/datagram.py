@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What udpin, udpout and mcast share: a socket that carries one datagram for each frame."""
+"""The base of udpin, udpout and mcast: a socket that carries one datagram for each frame."""
 
 import socket
 from abc import ABC, abstractmethod
@@ -20,10 +20,10 @@ READS_PER_CALL = 64
 
 
 class DatagramLink(LinkParts, ABC):
-    """Carry datagrams; the system's socket buffer is the only backlog.
+    """A link of datagrams; the system's socket buffer is the only backlog.
 
-    ``receive`` returns one datagram a call, or the rest of one. ``address`` is the socket's own, and
-    tells what the system chose for port 0.
+    ``receive`` returns one datagram a call, or the rest of one. ``address`` is the socket's own, with the port that the
+    system chose for port 0.
     """
 
     def __init__(self, name: str, sock: socket.socket) -> None:
@@ -36,7 +36,7 @@ class DatagramLink(LinkParts, ABC):
 
     @abstractmethod
     def _accept(self, peer: SocketAddress, data: bytes) -> bool:
-        """Note who sent a datagram, and say whether to take it."""
+        """Note the sender of a datagram, and return whether to accept it."""
 
     @abstractmethod
     def _transmit(self, data: bytes) -> None:
@@ -69,7 +69,7 @@ class DatagramLink(LinkParts, ABC):
         self._sock.close()
 
     def _next_datagram(self) -> bytes:
-        """Read until there is one with content; bounded, so that no error or sender can hold the caller."""
+        """Read until a datagram has content; the number of reads is bounded, so that nobody blocks the caller."""
         for _ in range(READS_PER_CALL):
             try:
                 data, peer = self._sock.recvfrom(MAX_DATAGRAM_BYTES)
@@ -87,7 +87,7 @@ class DatagramLink(LinkParts, ABC):
         return b""
 
     def _send_to(self, sock: socket.socket, data: bytes, peer: SocketAddress | None = None) -> None:
-        """Send to a peer, or to the one that the socket is connected to."""
+        """Send to a peer, or to the connected peer."""
         try:
             _put(sock, data, peer)
         except ConnectionRefusedError as error:
@@ -102,7 +102,7 @@ class DatagramLink(LinkParts, ABC):
             self._sent(len(data))
 
     def _send_again(self, sock: socket.socket, data: bytes, peer: SocketAddress | None) -> None:
-        """Send what the report about an earlier datagram kept from leaving."""
+        """Repeat a send that failed only because the system reported an earlier datagram's error."""
         try:
             _put(sock, data, peer)
         except OSError as error:
@@ -115,13 +115,13 @@ class DatagramLink(LinkParts, ABC):
         self._last_sent_bytes = size
 
     def _refused(self, error: ConnectionRefusedError) -> None:
-        """Count the datagram that was sent before: the system reports its fate with the next call."""
+        """Count an earlier datagram as lost: the system reports its error with the next call."""
         self._counters.drop(self._last_sent_bytes, reason_of(error))
         self._last_sent_bytes = 0
         self._unanswered(reason_of(error))
 
     def _unanswered(self, why: str) -> None:
-        """Tell that nobody listens."""
+        """Report that nobody listens."""
         self.news.failed(why)
 
 

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Multicast link: ``mcast:``, ``mcast:PORT`` or ``mcast:GROUP:PORT``; all members hear each other.
+"""Multicast link: ``mcast:``, ``mcast:PORT`` or ``mcast:GROUP:PORT``; every member receives from all others.
 
-Unlike the other defaults this one leaves the machine: the group is joined on the interface of the default
-route, where other programs' ``mcast:`` is.
+Unlike the other defaults this one leaves the machine: the group is joined on the interface of the default route, as
+other programs do for ``mcast:``.
 """
 
 import socket
@@ -18,9 +18,9 @@ ANY_INTERFACE = "0.0.0.0"
 
 
 class McastLink(DatagramLink):
-    """Send to a group and hear its other members, not oneself.
+    """A link to a multicast group, without its own datagrams.
 
-    Sending has its own socket: its port tells one's own datagrams from those of others.
+    A second socket sends; its port identifies the link's own datagrams.
     """
 
     def __init__(self, name: str, group: SocketAddress, interface: str = ANY_INTERFACE) -> None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that may be packed, read as what is in them, but no more of it than a recording of their size can hold.
+"""Reading of files that may be compressed, with a limit on the unpacked size.
 
 A file of a few kilobytes can unpack to gigabytes. Recordings shrink to between a half and a tenth.
 """
@@ -14,24 +14,24 @@ from pathlib import Path
 from typing import Final
 
 MOST_TIMES: Final = 50
-"""As much as a packed file may grow."""
+"""The largest growth factor of a packed file."""
 ALWAYS_BYTES: Final = 1 << 24
-"""What it may hold however small it is."""
+"""The unpacked size that is always allowed."""
 _GZIP_MAGIC: Final = b"\x1f\x8b"
 
 
 class PackedError(OSError):
-    """A packed file that is damaged, or holds too much; the text is one line, without the file's name."""
+    """A packed file that is damaged or unpacks to too much; the text is one line, without the file's name."""
 
 
 class CutShortError(PackedError):
-    """A packed file whose end is missing; what it held has been read."""
+    """A packed file whose end is missing; the bytes before it have been read."""
 
 
 def open_packed(path: Path) -> io.BufferedReader:
-    """Open a file, which is packed by xz if its name ends in .xz, and by gzip if it begins like that.
+    """Open a file; it is unpacked as xz if its name ends in .xz, as gzip if it begins with gzip's magic bytes.
 
-    Raises OSError; what is read from it raises PackedError as well.
+    Raises OSError; reading from the file also raises PackedError.
     """
     file = path.open("rb")
     if path.suffix == ".xz":
@@ -42,7 +42,7 @@ def open_packed(path: Path) -> io.BufferedReader:
 
 
 class _Unpacked(io.RawIOBase):
-    """What is in a packed file, up to what it may hold."""
+    """The content of a packed file, up to the limit."""
 
     def __init__(self, unpacker: lzma.LZMAFile | gzip.GzipFile, file: io.BufferedReader, kind: str) -> None:
         self._unpacker = unpacker

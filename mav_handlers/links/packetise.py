@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cuts a stream of bytes such that each datagram carries one frame (AP_HAL/utility/packetise.cpp).
+"""Division of a byte stream into datagrams of one frame each (AP_HAL/utility/packetise.cpp).
 
-Clients there are that read no more than a couple of kilobytes of a datagram.
+Some clients read no more than a couple of kilobytes of a datagram.
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ _OTHER_BYTES: Final = 256
 
 
 def datagrams(data: bytes) -> Iterator[bytes]:
-    """Yield the bytes in order, frame by frame; what is no frame in pieces of at most 256 bytes."""
+    """Yield the bytes in order, frame by frame; other bytes in pieces of at most 256."""
     start = 0
     while start < len(data):
         end = min(start + _frame_bytes(data, start), len(data))

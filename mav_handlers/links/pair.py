@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Two links back to back in memory: no system calls, no clock, the same every time."""
+"""Two links back to back in memory: no system calls, no clock, deterministic."""
 
 from mav_handlers.links.base import DROP_BACKLOG_FULL, DROP_CLOSED, DROP_NO_PEER, LinkParts, check_max_bytes
 
@@ -8,7 +8,7 @@ CAPACITY_BYTES = 65536
 
 
 class PairLink(LinkParts):
-    """Be one end of a pair; ``make_pair`` makes both. Not for use by several threads.
+    """One end of a pair; ``make_pair`` makes both. Not for use by several threads.
 
     Bytes that the other end has not read yet are kept up to a capacity. Those sent before an end is closed
     can still be read at the other.
@@ -22,7 +22,7 @@ class PairLink(LinkParts):
 
     @property
     def peer_names(self) -> tuple[str, ...]:
-        """Return the name of the other end, while there is one."""
+        """Return the name of the other end, while it is open."""
         return () if self._peer is None else (self._peer.name,)
 
     def fileno(self) -> int:
@@ -38,7 +38,7 @@ class PairLink(LinkParts):
         return data
 
     def send(self, data: bytes) -> None:
-        """Put the bytes before the other end, or drop the whole call and count it."""
+        """Pass the bytes to the other end, or drop the whole call and count it."""
         if not data:
             return
         if self._peer is None:
@@ -50,7 +50,7 @@ class PairLink(LinkParts):
             self._counters.bytes_out += len(data)
 
     def close(self) -> None:
-        """Part from the other end, which from then on has no peer."""
+        """Close this end; the other end then has no peer."""
         self._closed = True
         self._inbox.clear()
         if self._peer is not None:
@@ -69,7 +69,7 @@ class PairLink(LinkParts):
 def make_pair(
     names: tuple[str, str] = ("pair:a", "pair:b"), capacity_bytes: int = CAPACITY_BYTES
 ) -> tuple[PairLink, PairLink]:
-    """Return two links; what is sent into one comes out of the other."""
+    """Return two links, each of which receives what the other sends."""
     left, right = (PairLink(name, capacity_bytes) for name in names)
     left._join(right)
     right._join(left)

@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""When to try again: waits that double until something works."""
+"""Retry times: the wait doubles until an attempt succeeds."""
 
 import time
 from collections.abc import Callable
 
 Monotonic = Callable[[], float]
-"""A clock in seconds that never goes back; links read ``time.monotonic`` unless a test brings its own."""
+"""A clock in seconds that never goes back; links read ``time.monotonic`` unless a test passes its own."""
 
 
 class Backoff:
-    """Tell when the next attempt is due; each failure in a row doubles the wait."""
+    """The time of the next attempt; each failure in a row doubles the wait."""
 
     def __init__(self, monotonic: Monotonic = time.monotonic, first_s: float = 0.25, max_s: float = 4.0) -> None:
         self._monotonic = monotonic
@@ -33,6 +33,6 @@ class Backoff:
         self._wait_s = self._first_s
 
     def lost(self) -> None:
-        """Wait the first interval after losing what had worked."""
+        """Wait the first interval after the loss of a connection."""
         self.succeeded()
         self.failed()

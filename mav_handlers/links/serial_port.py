@@ -22,7 +22,7 @@ DEFAULT_BAUD = 115200
 
 
 class SerialLink(StreamLink):
-    """Carry bytes over a serial port, and open it again after it was unplugged.
+    """A link over a serial port, which is opened again after it was unplugged.
 
     A port that is missing at the start, or that another program holds, is an error.
     """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What tcp, tcpin and serial share: one byte stream at a time, replaced when it breaks."""
+"""The base of tcp, tcpin and serial: one byte stream at a time, replaced when it breaks."""
 
 import os
 from abc import ABC, abstractmethod
@@ -15,16 +15,16 @@ from mav_handlers.links.base import (
 )
 
 MAX_BACKLOG_BYTES = 65536
-"""What a link keeps for a peer that does not read, beyond what the system keeps."""
+"""Bytes that a link keeps for a peer that does not read, beyond the system's buffer."""
 
 END_OF_STREAM = "end of stream"
 
 
 class StreamLink(LinkParts, ABC):
-    """Carry one stream through a non-blocking descriptor.
+    """A link over one stream with a non-blocking descriptor.
 
-    A subclass gets streams (``_open_stream``) and gives them back (``_close_stream``); it is asked for a
-    new one in each call while there is none. ``_peer`` is who is at its other end.
+    A subclass opens (``_open_stream``) and closes (``_close_stream``) the streams; every call tries to open one while
+    there is none. ``_peer`` names the stream's other end.
     """
 
     _peer = ""
@@ -42,16 +42,16 @@ class StreamLink(LinkParts, ABC):
 
     @abstractmethod
     def _close_stream(self) -> None:
-        """Close what ``_open_stream`` gave."""
+        """Close the stream."""
 
     @property
     def peer_names(self) -> tuple[str, ...]:
-        """Return who is at the other end, if anybody is."""
+        """Return the name of the peer, if there is one."""
         return (self._peer,) if self._fd >= 0 else ()
 
     @property
     def backlog_bytes(self) -> int:
-        """How many bytes wait for the system to take them."""
+        """The number of bytes in the backlog."""
         return len(self._backlog)
 
     def fileno(self) -> int:
@@ -59,7 +59,7 @@ class StreamLink(LinkParts, ABC):
         return self._fd
 
     def receive(self, max_bytes: int = 65536) -> bytes:
-        """Return bytes that have arrived, at most ``max_bytes``; also moves the backlog on."""
+        """Return bytes that have arrived, at most ``max_bytes``; also write more of the backlog."""
         check_max_bytes(max_bytes)
         if not self._connected():
             return b""
@@ -84,7 +84,7 @@ class StreamLink(LinkParts, ABC):
             self._flush()
 
     def close(self) -> None:
-        """Close the stream; what the backlog still holds is counted as dropped."""
+        """Close the stream; the rest of the backlog is counted as dropped."""
         if self._fd >= 0:
             self._lose(DROP_CLOSED)
         self._closed = True
@@ -135,7 +135,7 @@ class StreamLink(LinkParts, ABC):
             self.news.left(self._peer, reason)
 
     def _drop_backlog(self, reason: str) -> None:
-        """Drop all of it: half a frame must not greet the next peer."""
+        """Drop the whole backlog: the next peer must not receive half a frame."""
         if self._backlog:
             self._counters.drop(len(self._backlog), reason)
             self._backlog.clear()

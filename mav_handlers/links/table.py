@@ -16,10 +16,10 @@ from mav_handlers.links.udp import UdpInLink, open_udpin, open_udpout
 
 @dataclass(frozen=True)
 class LinkFactory:
-    """Open links of one scheme.
+    """Opens links of one scheme.
 
-    ``form`` is what a user writes, ``summary`` what they get; ``open`` takes the whole connection string
-    and what follows its scheme.
+    ``form`` is the form of the connection string, ``summary`` a description of the link. ``open`` takes the whole
+    connection string and the part after its scheme.
     """
 
     form: str
@@ -32,7 +32,7 @@ class LinkFactory:
 
 
 def _open_serial(connection: str, address: str) -> Link:
-    from mav_handlers.links.serial_port import open_serial  # only those who use it need pyserial
+    from mav_handlers.links.serial_port import open_serial  # only serial links need pyserial
 
     return open_serial(connection, address)
 
@@ -57,7 +57,7 @@ LINKS: Mapping[str, LinkFactory] = MappingProxyType(
 
 
 def all_links() -> Mapping[str, LinkFactory]:
-    """Return the links by their schemes, those of plug-ins too."""
+    """Return all links by scheme, including those of plug-ins."""
     return with_plugins("viso.links", LINKS, LinkFactory)
 
 
@@ -80,7 +80,7 @@ def open_link(connection: str) -> Link:
 
 
 def is_open_to_network(link: Link) -> bool:
-    """Return whether a link takes what anybody sends who reaches this machine."""
+    """Return whether a link accepts data from other machines."""
     return isinstance(link, UdpInLink | TcpServerLink | McastLink) and not is_loopback(link.address)
 
 

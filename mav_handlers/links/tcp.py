@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""TCP links: ``tcp:HOST:PORT``, a client that comes back, and ``tcpin:HOST:PORT``, a server."""
+"""TCP links: ``tcp:HOST:PORT``, a client that reconnects, and ``tcpin:HOST:PORT``, a server."""
 
 import errno
 import select
@@ -15,13 +15,13 @@ from mav_handlers.links.stream import StreamLink
 CONNECT_TIMEOUT_S = 5.0
 WAITING_CLIENTS = 5
 MAX_CLIENTS = 8
-"""So many clients a server serves at once; further ones are turned away."""
+"""The clients that a server serves at once; further ones are refused."""
 
 
 class TcpLink(StreamLink):
-    """Connect to a server, and again whenever that fails or ends, without blocking.
+    """A client that connects to a server, and reconnects after a failure or loss, without blocking.
 
-    A server that is not there yet is no error: attempts go on, 0.25 s to 4 s apart, each given up after 5 s.
+    An absent server is no error: attempts repeat, 0.25 s to 4 s apart, each with a timeout of 5 s.
     """
 
     def __init__(self, name: str, address: SocketAddress, *, monotonic: Monotonic = time.monotonic) -> None:
@@ -35,7 +35,7 @@ class TcpLink(StreamLink):
         self._connected()
 
     def close(self) -> None:
-        """Close the connection, or give up the attempt to make one."""
+        """Close the connection, or abandon the attempt."""
         super().close()
         self._close_socket()
 
@@ -52,7 +52,7 @@ class TcpLink(StreamLink):
         self._backoff.lost()
 
     def _begin(self) -> None:
-        """Start an attempt; its outcome shows when the socket becomes writable."""
+        """Start an attempt; it has an outcome when the socket becomes writable."""
         self._sock = _stream_socket()
         self._give_up_s = self._monotonic() + CONNECT_TIMEOUT_S
         error = self._sock.connect_ex(self._address)
@@ -60,7 +60,7 @@ class TcpLink(StreamLink):
             self._failed(reason_of(OSError(error, "")))
 
     def _finished(self, sock: socket.socket) -> bool:
-        """Return whether the attempt has worked; if it failed, set the time of the next."""
+        """Return whether the attempt has succeeded; if it failed, set the time of the next."""
         if not _writable(sock):
             if self._monotonic() >= self._give_up_s:
                 self._failed(f"no answer within {CONNECT_TIMEOUT_S:g} s")
@@ -87,11 +87,11 @@ class TcpLink(StreamLink):
 
 
 class TcpServerLink(StreamLink):
-    """Listen, and be the link of one client at a time, as a TCP port of the firmware's simulator is.
+    """A server and the link of one client at a time, like a TCP port of the firmware's simulator.
 
-    Whoever calls ``admit`` serves others beside it, 7 at most, each with a link of its own; else they wait in the
-    system's queue, and the next is accepted when the present one goes. ``address`` tells where it listens, and so what
-    the system chose for port 0.
+    ``admit`` accepts up to 7 further clients, each with a link of its own. Without it they wait in the system's queue,
+    and the next is accepted when the present one leaves. ``address`` is the listening address, with the port that the
+    system chose for port 0.
     """
 
     def __init__(self, name: str, address: SocketAddress) -> None:
@@ -117,7 +117,7 @@ class TcpServerLink(StreamLink):
         return (*own, *(name for link in self._others.values() for name in link.peer_names))
 
     def admit(self) -> Link | None:
-        """Return a link for a client that waits while there is another, named as this one with a number from 2 on."""
+        """Return a link for a waiting further client; its name is this link's with a number from 2 on."""
         if self._closed or not self._connected():
             return None
         self._others = {number: link for number, link in self._others.items() if link.peer_names}
@@ -150,12 +150,12 @@ class TcpServerLink(StreamLink):
         return self._client.fileno()
 
     def _accept(self) -> socket.socket | None:
-        """Return the connection of a client that waits, if there is room for it."""
+        """Return the connection of a waiting client, if there is room for it."""
         try:
             sock, _ = self._listener.accept()
         except BlockingIOError:
             return None
-        except OSError:  # the client has gone already, or the process is out of descriptors
+        except OSError:  # the client has left already, or the process is out of descriptors
             self._counters.open_failures += 1
             return None
         if is_short_of_descriptors(sock.fileno()):
@@ -177,7 +177,7 @@ class TcpServerLink(StreamLink):
 
 
 class TcpClientLink(StreamLink):
-    """The link of one client among several of a server; it is over when the client goes."""
+    """The link of a server's further client; it ends when the client leaves."""
 
     def __init__(self, server: str, number: int, sock: socket.socket, news: News) -> None:
         super().__init__(f"{server}#{number}")
@@ -196,14 +196,14 @@ class TcpClientLink(StreamLink):
 
 
 def is_connected_to_itself(sock: socket.socket) -> bool:
-    """Return whether both ends are one socket.
+    """Return whether a socket is connected to itself.
 
-    That happens when nobody listens on a port from which the system also takes a client's own.
+    That happens when nobody listens on a port of the system's range for clients, and the client gets that very port.
     """
     try:
         return bool(sock.getsockname() == sock.getpeername())
     except OSError:
-        return False  # gone again; reading will say so
+        return False  # disconnected again; reading reports it
 
 
 def open_tcp(name: str, address: str) -> TcpLink:
@@ -212,7 +212,7 @@ def open_tcp(name: str, address: str) -> TcpLink:
 
 
 def open_tcpin(name: str, address: str) -> TcpServerLink:
-    """Open ``tcpin:HOST:PORT``. Raises LinkError for a bad address, or one that cannot be listened on."""
+    """Open ``tcpin:HOST:PORT``. Raises LinkError for a bad address, or one that cannot be bound."""
     return TcpServerLink(name, resolve(name, parse_host_port(name, address, any_port=True)))
 
 
@@ -220,7 +220,7 @@ def _peer_of(sock: socket.socket) -> str:
     try:
         return text_of(sock.getpeername())
     except OSError:
-        return "somebody"  # gone again
+        return "somebody"  # disconnected again
 
 
 def _stream_socket() -> socket.socket:

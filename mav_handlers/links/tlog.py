@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Telemetry logs (.tlog): for each frame its time and its bytes.
+"""Telemetry logs (.tlog): the time and the bytes of each frame.
 
 An entry is a big-endian count of microseconds in eight bytes, then one MAVLink 1 or 2 frame. Ground
 stations write time since 1970, some with the number of the link in the lowest two bits. Nothing marks the
-start of an entry, so after damage the next one is found by what must be true of it.
+start of an entry, so after damage the next one is found by plausibility.
 """
 
 import gzip
@@ -36,22 +36,23 @@ _STX = re.compile(rb"[\xfd\xfe]")
 
 
 class TlogError(Exception):
-    """A file that cannot be read or written as a tlog, in one line: which file, where and why."""
+    """A file that cannot be read or written as a tlog; the text is one line with file, position and reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class TlogEntry:
-    """Hold one frame as recorded; ``time_us`` is as in the file, the link number not removed."""
+    """One recorded frame; ``time_us`` is as in the file, including the link number."""
 
     time_us: int
     data: bytes
 
 
 class TlogReader(Iterator[TlogEntry]):
-    """Iterate over the entries of a tlog, plain or gzip, over damage if need be.
+    """Iterates over the entries of a tlog, plain or gzip, and skips damaged places.
 
-    A frame is passed on as recorded, its checksum is not looked at. The file is held in memory. After the iteration the
-    attributes tell what was not read: ``skipped_bytes`` in damaged places, ``truncated_bytes`` of a last entry that was
+    Frames are returned as recorded, without a check of the checksum. The file is held in memory. After the iteration
+    the attributes hold what was not read: ``skipped_bytes`` in damaged places, ``truncated_bytes`` of a last entry that
+    was
     cut off, ``truncated`` if that happened or the compressed data end too early. Raises TlogError, at once, if the file
     is not readable or has no entry.
     """
@@ -93,7 +94,7 @@ class TlogReader(Iterator[TlogEntry]):
         return entry
 
     def _resynchronise(self, size: int) -> bool:
-        """Move to the next plausible entry or to the end; ``size`` is the present one's claim, 0 if none."""
+        """Move to the next plausible entry or to the end; ``size`` is the present entry's stated size, 0 if none."""
         found = self._find(self._offset + 1, len(self._data))
         rest = len(self._data) - self._offset
         if found is not None:
@@ -109,16 +110,16 @@ class TlogReader(Iterator[TlogEntry]):
         return False
 
     def _trusted(self, start: int, end: int) -> bool:
-        """Return whether an entry is what it claims to be.
+        """Return whether an entry is genuine.
 
-        Either another follows, or only what follows is damaged: its time fits, and no entry begins inside it.
+        Either another entry follows, or its time fits and no other entry begins inside it.
         """
         if self._leads_on(start, end):
             return True
         return self._time_fits(start) and self._find(start + 1, end) is None
 
     def _find(self, start: int, stop: int) -> int | None:
-        """Return where in [start, stop) the first plausible entry begins."""
+        """Return the offset in [start, stop) of the first plausible entry."""
         for stx in _STX.finditer(self._data, start + STAMP_BYTES, stop + STAMP_BYTES):
             at = stx.start() - STAMP_BYTES
             size = self._size_at(at)
@@ -133,7 +134,7 @@ class TlogReader(Iterator[TlogEntry]):
         return end == len(self._data) or self._size_at(end) > 0
 
     def _time_fits(self, at: int) -> bool:
-        """Return whether the time there is in this century, or within a day of the last one."""
+        """Return whether the time at an offset is in this century, or within a day of the last one."""
         time_us = self._stamp_at(at)
         if YEAR_2000_US <= time_us < YEAR_2100_US:
             return True
@@ -143,7 +144,7 @@ class TlogReader(Iterator[TlogEntry]):
         return int.from_bytes(self._data[at : at + STAMP_BYTES], "big")
 
     def _size_at(self, at: int) -> int:
-        """Return the size of the entry that begins there, by its first bytes, or 0 if there is none."""
+        """Return the size of the entry at an offset, from its first bytes, or 0 if there is none."""
         if at + HEAD_BYTES > len(self._data):
             return 0
         stx, length, incompat_flags = self._data[at + STAMP_BYTES : at + HEAD_BYTES]
@@ -156,11 +157,11 @@ class TlogReader(Iterator[TlogEntry]):
 
 
 class TlogWriter:
-    """Write a tlog, plain or, if the name ends in ``.gz``, compressed.
+    """Writes a tlog, plain or, if the name ends in ``.gz``, compressed.
 
     Args:
         path: the file, rewritten.
-        file: where its bytes go if it is open already.
+        file: the open file to write to, if any.
 
     Raises:
         TlogError: if the file cannot be written.
@@ -176,7 +177,7 @@ class TlogWriter:
         self._file = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if self.path.suffix == ".gz" else raw
 
     def write(self, time_us: int, data: bytes) -> None:
-        """Add one whole frame. Raises ValueError if it is none or the time is negative."""
+        """Add one frame. Raises ValueError if it is not a whole frame or the time is negative."""
         if time_us < 0 or data[:1] not in (bytes([STX_V1]), bytes([STX_V2])):
             raise ValueError("an entry is a time not before 0 and one MAVLink frame")
         try:
@@ -185,7 +186,7 @@ class TlogWriter:
             raise TlogError(f"{self.path}: {reason_of(error)}") from None
 
     def close(self) -> None:
-        """Write what is held back and close the file."""
+        """Flush and close the file."""
         try:
             self._file.close()
             self._raw.close()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""UDP links: ``udpin:HOST:PORT`` (also ``udp:``), which answers those it hears, and ``udpout:HOST:PORT``."""
+"""UDP links: ``udpin:HOST:PORT`` (also ``udp:``), which answers its senders, and ``udpout:HOST:PORT``."""
 
 import time
 
@@ -13,20 +13,19 @@ from mav_handlers.wire.codec import begins_with_frame
 PEER_TIMEOUT_S = 60.0
 MAX_PEERS = 16
 LIVE_S = 5.0
-"""A peer heard within so many seconds gives its place to nobody: clients send a heartbeat every second."""
+"""A peer heard within this many seconds keeps its place: clients send a heartbeat every second."""
 
 
 class UdpInLink(DatagramLink):
-    """Bind, and send to every peer heard in the last 60 s.
+    """A bound socket that sends to every peer heard in the last 60 s.
 
-    Several programs may share the port, as with pymavlink, which keeps every peer for ever unless told
-    otherwise. A sender becomes a peer by a datagram that begins with a valid frame; other datagrams are read all the
-    same. A peer that is silent for 60 s is forgotten: it is sent nothing more until it is heard again. There are at
-    most 16 peers. A newcomer takes the place of the one that has been silent for longest, if that is for 5 s or more;
-    otherwise it is not sent anything, and counts as an ``open_failures``.
+    Several programs may send to the port, as with pymavlink, which by default keeps every peer for ever. A sender
+    becomes a peer by a datagram that begins with a valid frame; other datagrams are read as well. A peer that is silent
+    for 60 s is dropped until it is heard again. There are at most 16 peers. A new one replaces the peer that has been
+    silent for longest, if that is for 5 s or more; otherwise it is sent nothing, and counts in ``open_failures``.
 
-    pymavlink shares the port with anyone who asks; here a port in use is an error, since the system would
-    give all datagrams to one of the two.
+    pymavlink opens a port that is in use; here that is an error, since the system would give all datagrams to one of
+    the two programs.
     """
 
     def __init__(self, name: str, address: SocketAddress, *, monotonic: Monotonic = time.monotonic) -> None:
@@ -58,7 +57,7 @@ class UdpInLink(DatagramLink):
         return True
 
     def _introduce(self, peer: SocketAddress, data: bytes) -> bool:
-        """Return whether a sender that is no peer yet becomes one, and make room for it."""
+        """Return whether a new sender becomes a peer, and make room for it."""
         if not begins_with_frame(data):
             return False
         self._forget_silent()
@@ -93,7 +92,7 @@ class UdpInLink(DatagramLink):
 
 
 class UdpOutLink(DatagramLink):
-    """Send to one address and hear only that one; nobody listening there shows as drops."""
+    """A socket that sends to and receives from one address; drops show that nobody listens there."""
 
     def __init__(self, name: str, address: SocketAddress) -> None:
         sock = datagram_socket()
@@ -108,7 +107,7 @@ class UdpOutLink(DatagramLink):
 
     @property
     def peer_names(self) -> tuple[str, ...]:
-        """Return the address, once it has been heard, until nobody listens there."""
+        """Return the address, from its first datagram until nobody listens there."""
         return (self._peer,) if self._is_heard else ()
 
     def _accept(self, peer: SocketAddress, data: bytes) -> bool:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parameters that the endpoint itself reads, by what they are for: releases call them by different names."""
+"""The parameters that the endpoint itself reads, by purpose: releases use different names."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,12 +22,13 @@ class EndpointParams:
     Attributes:
         system_id: of the vehicle.
         ground_station_id: of the ground station in charge.
-        only_ground_station: has the bits of ``only_ground_station_bits`` set when that alone is obeyed.
+        only_ground_station: its bits in ``only_ground_station_bits`` are set when only the ground station in charge is
+            obeyed.
         only_ground_station_bits: see there.
         telem_delay: the silence after start-up, s.
         stream_rate: takes the number of a link from 0 and a row's name such as ``_EXTRA1``, returns the full name.
         link_options: takes the parameters and the number of a link, returns its options, as the bits of MAVn_OPTIONS.
-        last_ground_station_id: the last id where several ground stations are in charge, in a release that knows that.
+        last_ground_station_id: the last id of a range of ground stations in charge, in releases that have it.
     """
 
     system_id: str
@@ -53,9 +54,9 @@ def options_of_link(params: ParamTable, index: int) -> int:
 
 
 def options_of_port(params: ParamTable, index: int) -> int:
-    """Return the options of a link that SERIALn_OPTIONS of its port holds; a port without that parameter has none.
+    """Return a link's options from SERIALn_OPTIONS of its port; none if the port has no such parameter.
 
-    FIRMWARE PARITY: the firmware goes by which port a link is on; here the first link is on the first port, and so on.
+    FIRMWARE PARITY: the firmware uses the link's real port; here the first link is on the first port, and so on.
     """
     name = f"SERIAL{index}_OPTIONS"
     options = params.get_int(name) if params.find(name) is not None else 0

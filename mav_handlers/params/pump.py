@@ -11,7 +11,7 @@ from mav_handlers.radio import RadioLink
 from mav_handlers.wire.codec import full_length
 from mav_handlers.wire.messages import PARAM_VALUE
 
-# What AP_Networking and the simulator's sockets say of themselves.
+# The bandwidth that AP_Networking and the simulator's sockets report.
 NETWORK_BYTES_PER_SECOND: Final = 1_000_000
 PER_RUN_WITHOUT_FLOW_CONTROL: Final = 5
 TXBUF_LIMIT: Final = 33
@@ -37,7 +37,7 @@ def _list_quota(channel: Channel, now_us: int) -> int:
 def pump_params(params: ParamTable, channel: Channel, reads: ParamReads, radio: RadioLink, now_us: int) -> None:
     """Send replies that wait or, when there are none, the next part of a running list."""
     if reads.send(now_us):
-        # The share of the bandwidth counts from the last reply, so nothing of this turn is left for the list.
+        # The bandwidth share counts from the last reply, so none of this turn is left for the list.
         channel.params_sent_us = now_us
         return
     if channel.param_list is None:
@@ -50,7 +50,7 @@ def pump_params(params: ParamTable, channel: Channel, reads: ParamReads, radio: 
 
 
 def _send_next(params: ParamTable, channel: Channel, state: ParamListState) -> None:
-    # A list ends with the last parameter of that moment, whatever count was told at its start.
+    # A list ends with the parameter that is last now, whatever count was sent at its start.
     param = params.by_index(state.next_index)
     if param is not None:
         channel.send(param_value(param, param.name, state.count, state.next_index))

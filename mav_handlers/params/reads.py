@@ -29,7 +29,7 @@ class _Read:
 
 
 def find_requested(params: ParamTable, request: PARAM_REQUEST_READ) -> Param | None:
-    """Return the parameter that is asked for: by name with index -1, else by index."""
+    """Return the requested parameter: by name if the index is -1, else by index."""
     if request.param_index == BY_NAME:
         return params.find(request.param_id)
     return params.by_index(u16(request.param_index))
@@ -41,9 +41,9 @@ def param_value(param: Param, name: str, count: int, index: int) -> PARAM_VALUE:
 
 
 class ParamReads:
-    """Requests that wait to be looked up, one every millisecond, and replies that wait for a link's parameter turn.
+    """Requests that wait for a look-up, one every millisecond, and replies that wait for a link's parameter turn.
 
-    Without ``tells_errors`` nothing answers a request for what there is not.
+    Without ``tells_errors`` a request for an unknown parameter gets no answer.
     """
 
     def __init__(self, *, tells_errors: bool = False) -> None:
@@ -61,7 +61,7 @@ class ParamReads:
     ) -> bool:
         """Queue a request of a system and component; False when 20 wait already.
 
-        A link without room starts to keep some for parameters.
+        A link without room starts to reserve some for parameters.
         """
         if len(self._reads) >= READ_QUEUE_LENGTH:
             return False
@@ -71,7 +71,7 @@ class ParamReads:
         return True
 
     def look_up(self, params: ParamTable, last_us: int, now_us: int) -> None:
-        """Turn requests into replies, one for each millisecond since the last time, while there are less than 5."""
+        """Turn requests into replies, one for each millisecond since the last call, while fewer than 5 wait."""
         turns = now_us // 1000 - last_us // 1000
         while turns > 0 and self._reads and len(self._replies) < REPLY_QUEUE_LENGTH:
             self._look_up_one(params, self._reads.popleft())
@@ -84,15 +84,15 @@ class ParamReads:
             value = param_value(found, found.name, params.count, u16(request.param_index))
             self._replies.append((read.channel, value))
         elif self._tells_errors:
-            # What is asked for by its index has no name.
+            # A request by index has no name.
             name = request.param_id if request.param_index == BY_NAME else ""
             error = PARAM_ERROR(*read.sender, name, request.param_index, MAV_PARAM_ERROR_DOES_NOT_EXIST)
             self._replies.append((read.channel, error))
 
     def send(self, now_us: int) -> bool:
-        """Send all replies, five at most, each to whoever asked, and say whether there were any.
+        """Send all replies, at most five, each to its requester; return whether there were any.
 
-        A full link holds up those behind it, whomever they are for.
+        A full link delays the replies behind it, for other links too.
         """
         waiting = len(self._replies)
         while self._replies:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Attitude and what the estimators say of themselves.
+"""Attitude, and the status of the estimators.
 
 Source: GCS_MAVLink/GCS_Common.cpp, AP_NavEKF3/AP_NavEKF3_Outputs.cpp.
 """
@@ -29,12 +29,12 @@ def euler_rad(vehicle: Vehicle) -> Vector3f:
 
 
 def attitude(vehicle: Vehicle, _channel: Channel, now_us: int) -> ATTITUDE:
-    """Attitude in rad and body rates in rad/s, zeros before there is one (GCS_MAVLINK::send_attitude)."""
+    """Attitude in rad and body rates in rad/s, zeros before there is an attitude (GCS_MAVLINK::send_attitude)."""
     return ATTITUDE(boot_ms(now_us), *floats(euler_rad(vehicle)), *floats(vehicle.ahrs.get_gyro()))
 
 
 def attitude_quaternion(vehicle: Vehicle, _channel: Channel, now_us: int) -> ATTITUDE_QUATERNION | None:
-    """Attitude as w, x, y, z and body rates in rad/s, while there is one (GCS_MAVLINK::send_attitude_quaternion)."""
+    """Attitude as w, x, y, z and body rates in rad/s; not sent without (GCS_MAVLINK::send_attitude_quaternion)."""
     quat = vehicle.ahrs.get_quaternion()
     if quat is None:
         return None
@@ -43,12 +43,12 @@ def attitude_quaternion(vehicle: Vehicle, _channel: Channel, now_us: int) -> ATT
 
 
 def ahrs(vehicle: Vehicle, _channel: Channel, _now_us: int) -> AHRS:
-    """Gyro bias in rad/s; the errors are DCM's, which has none here (GCS_MAVLINK::send_ahrs)."""
+    """Gyro bias in rad/s; the errors are those of DCM, always zero here (GCS_MAVLINK::send_ahrs)."""
     return AHRS(*floats(vehicle.ahrs.get_gyro_drift()), 0.0, 0.0, 0.0, 0.0)
 
 
 def ahrs2(vehicle: Vehicle, _channel: Channel, _now_us: int) -> AHRS2 | None:
-    """The second estimator, DCM: it agrees on the attitude; its place is the GPS's, at home's height.
+    """The second estimator, DCM: its attitude equals the first's, its position is the GPS's at home's altitude.
 
     Source: GCS_MAVLINK::send_ahrs2, AP_AHRS_DCM::get_location.
     """

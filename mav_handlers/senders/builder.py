@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every builder of a message is, and the one that has nothing to say."""
+"""The type of message builders, helpers for fields, and the builder of messages that are never sent."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle
 
 Builder = Callable[["Vehicle", Channel, int], Message | None]
-"""Makes a message for a link at a time in us since boot; None when there is nothing to report."""
+"""Makes a message for a link at a time in us since boot, or returns None if there is nothing to report."""
 
 
-# Estimates may be absurd, as what they are made from comes from outside; then a field is, and nothing else.
+# Estimates depend on outside data and may be absurd; that must affect the field alone.
 quiet_overflow = np.errstate(over="ignore", invalid="ignore")
 
 
@@ -41,4 +41,4 @@ def i16_of(value: np.float32) -> int:
 
 
 def nothing_to_report(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> None:
-    """Known to the firmware, and never sent: there is nothing behind it."""
+    """A message known to the firmware but never sent here, because its subsystem does not exist."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the GPS says, which is nothing most of the time.
+"""Messages of the GPS.
 
 Source: AP_GPS/AP_GPS.cpp, AP_GPS/AP_GPS_MAV.cpp.
 """
@@ -41,7 +41,7 @@ def _mm(metres: float | None) -> int:
 
 
 def _yaw_cdeg(sample: GpsSample) -> int:
-    """Return the yaw, 0 when there is none; north is 36000 (AP_GPS::gps_yaw_cdeg)."""
+    """Return the GPS yaw in cdeg, 0 if there is none; north is 36000 (AP_GPS::gps_yaw_cdeg)."""
     if sample.yaw_deg is None:
         return 0
     return int_of_float(float(f32(sample.yaw_deg) * _HUNDRED)) % YAW_NORTH_CDEG or YAW_NORTH_CDEG

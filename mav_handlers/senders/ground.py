@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the sensors that look at the ground say (GCS_MAVLink/GCS_Common.cpp)."""
+"""Messages of range finders and optical flow (GCS_MAVLink/GCS_Common.cpp)."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _UNKNOWN_QUALITY: Final = -1
 
 
 def rangefinder(vehicle: Vehicle, _channel: Channel, _now_us: int) -> RANGEFINDER | None:
-    """The range of the range finder that looks down, m, if there is one (GCS_MAVLINK::send_rangefinder)."""
+    """The range of the downward range finder in m, if there is one (GCS_MAVLINK::send_rangefinder)."""
     distance_m = vehicle.ranges.downward_m()
     return None if distance_m is None else RANGEFINDER(distance_m, 0.0)
 
 
 def distance_sensor(vehicle: Vehicle, channel: Channel, now_us: int) -> DISTANCE_SENSOR | None:
-    """What each range finder says, in a message of its own (GCS_MAVLINK::send_distance_sensor)."""
+    """One message for each range finder (GCS_MAVLINK::send_distance_sensor)."""
     *others, last = [None, *(_distance_of(report, now_us) for report in vehicle.ranges.reports())]
     for message in others:
         if message is not None:
@@ -56,9 +56,9 @@ def _cm(metres: float) -> int:
 
 
 def optical_flow(vehicle: Vehicle, _channel: Channel, now_us: int) -> OPTICAL_FLOW | None:
-    """Flow in rad/s, with and without what the vehicle turns, while the sensor works.
+    """Flow in rad/s, with and without the vehicle's rotation, while the sensor works.
 
-    Where the message has integers for it, next to nothing is left. Its time is in ms, in spite of its name.
+    The integer fields lose nearly all of its precision. The time is in ms, despite the field's name.
 
     Source: GCS_MAVLINK::send_opticalflow.
     """

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the inertial sensors, compasses and barometers measure on a vehicle at rest with the attitude that it has.
+"""Messages of IMUs, compasses and barometers, for a vehicle at rest with its present attitude.
 
-There is no noise; field, pressure and temperature are those of the reference simulator's field, two minutes from boot.
+There is no noise. Magnetic field, pressure and temperature are those of the reference simulator two minutes after boot.
 Source: GCS_MAVLink/GCS_Common.cpp.
 """
 
@@ -36,7 +36,7 @@ MAG_FIELD_NED: Final = Vector3f(232.2, 52.7, -528.9)
 
 PRESSURE_HPA: Final = float(f32(945.02828125))
 TEMPERATURE_CDEG: Final = 3100
-# Of HIGHRES_IMU: accelerometers and gyros, magnetometers, barometer and temperature.
+# Fields of HIGHRES_IMU: accelerometers and gyros, magnetometers, barometer and temperature.
 _ACCEL_AND_GYRO_UPDATED: Final = 0x3F
 _MAG_UPDATED: Final = 0x1C0
 _BARO_UPDATED: Final = 0x1E00
@@ -48,7 +48,7 @@ def _to_body(vehicle: Vehicle, ned: Vector3f) -> Vector3f:
 
 
 def accel_mss(vehicle: Vehicle) -> Vector3f:
-    """Return what an accelerometer measures at rest, m/s/s in the body."""
+    """Return the specific force at rest, m/s/s in the body frame."""
     return _to_body(vehicle, ACCEL_AT_REST_NED)
 
 
@@ -86,17 +86,17 @@ def scaled_imu2(vehicle: Vehicle, _channel: Channel, now_us: int) -> SCALED_IMU2
 
 
 def scaled_imu3(vehicle: Vehicle, _channel: Channel, now_us: int) -> SCALED_IMU3 | None:
-    """The third compass, with zeros for the IMU that is not there; nothing without compasses."""
+    """The third compass, with zeros for the absent third IMU; not sent without compasses."""
     if not _has_compass(vehicle):
         return None
     return SCALED_IMU3(boot_ms(now_us), 0, 0, 0, 0, 0, 0, *_whole(_field_mgauss(vehicle)))
 
 
 def highres_imu(vehicle: Vehicle, _channel: Channel, now_us: int) -> HIGHRES_IMU:
-    """Acceleration in m/s/s, rates in rad/s, field as the firmware scales it, pressure in hPa, temperature in degC.
+    """Acceleration in m/s/s, rates in rad/s, magnetic field, pressure in hPa, temperature in degC.
 
-    The field is in Gauss, or in thousandths of a milligauss, whatever the message's definition says: as the release has
-    it. Source: GCS_MAVLINK::send_highres_imu.
+    The field is in Gauss or in thousandths of a milligauss, as the release has it, whatever the message's definition
+    says. Source: GCS_MAVLINK::send_highres_imu.
     """
     updated = _ACCEL_AND_GYRO_UPDATED | _BARO_UPDATED | (_MAG_UPDATED if _has_compass(vehicle) else 0)
     return HIGHRES_IMU(
@@ -123,5 +123,5 @@ def scaled_pressure2(_vehicle: Vehicle, _channel: Channel, now_us: int) -> SCALE
 
 
 def vibration(_vehicle: Vehicle, _channel: Channel, now_us: int) -> VIBRATION:
-    """No vibration and nothing clipped: the motors do not run (GCS_MAVLINK::send_vibration)."""
+    """No vibration and no clipping: the motors do not run (GCS_MAVLINK::send_vibration)."""
     return VIBRATION(now_us, 0.0, 0.0, 0.0, 0, 0, 0)

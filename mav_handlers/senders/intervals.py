@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""At which interval each message of a link is sent (GCS_Common.cpp, set_ap_message_interval and the defaults)."""
+"""The interval of each message of a link (GCS_Common.cpp, set_ap_message_interval and the defaults)."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ HIGH_LATENCY2_INTERVAL_MS: Final = 5000
 PARAMS_INTERVAL_MS: Final = 100
 PARAMS_MAX_INTERVAL_MS: Final = 1000
 
-# Groups without an id of their own: the suffix of their parameter, and what is in them.
+# Groups without an id of their own: the suffix of their parameter, and their messages.
 PARAMS_GROUP: Final = ("_PARAMS", (NEXT_PARAM, "AVAILABLE_MODES"))
 ADSB_GROUP: Final = ("_ADSB", ("ADSB_VEHICLE", "AIS_VESSEL"))
 
-# The order in which groups get their intervals at boot, by their ids: POSITION, then RAW_CTRL and RC_CHAN.
+# The order in which groups get their intervals at boot, by id: POSITION, then RAW_CTRL and RC_CHAN.
 _BOOT_ORDER: Final = (1, 2, 6, 4, 3, 10, 11, 12)
 
 
@@ -52,7 +52,7 @@ def _group_interval_ms(vehicle: Vehicle, channel: Channel, suffix: str) -> int |
 
 
 def default_interval_ms(vehicle: Vehicle, channel: Channel, name: str) -> int | None:
-    """Return the interval of a message that nobody asked for otherwise, or None when it is off.
+    """Return the default interval of a message, or None when it is off.
 
     A rate of 500 Hz or more gives an interval that is refused (1 and 2 ms).
     Source: GCS_MAVLINK::get_default_interval_for_ap_message.
@@ -70,7 +70,7 @@ def default_interval_ms(vehicle: Vehicle, channel: Channel, name: str) -> int | 
 
 
 def by_name(intervals_ms: Mapping[int, int]) -> dict[str, int]:
-    """Return intervals by message from those by id, without the messages that cannot be sent."""
+    """Convert intervals by message id to intervals by name, without messages that cannot be sent."""
     names = {message_id: message_name(message_id) for message_id in intervals_ms}
     return {name: intervals_ms[number] for number, name in names.items() if name is not None and name in SENDERS}
 
@@ -78,7 +78,7 @@ def by_name(intervals_ms: Mapping[int, int]) -> dict[str, int]:
 def set_interval(channel: Channel, name: str, interval_ms: int | None, now_us: int) -> None:
     """Start a message at an interval, at least 3 ms, or stop it with None.
 
-    The parameter pump never stops: 100 ms instead, and 1000 ms at most.
+    The parameter pump never stops: off means 100 ms, and the maximum is 1000 ms.
     """
     wanted_ms = interval_ms or 0
     if name == NEXT_PARAM:
@@ -91,7 +91,7 @@ def set_interval(channel: Channel, name: str, interval_ms: int | None, now_us: i
 
 
 def set_defaults(vehicle: Vehicle, channel: Channel, now_us: int) -> None:
-    """Give every message its interval at boot, and send a heartbeat at once.
+    """Set every message's interval at boot, and send a heartbeat at once.
 
     Source: GCS_MAVLINK::initialise_message_intervals_from_streamrates, initialise_message_intervals_from_config_files.
     """
@@ -102,5 +102,5 @@ def set_defaults(vehicle: Vehicle, channel: Channel, now_us: int) -> None:
     set_interval(channel, "HEARTBEAT", HEARTBEAT_INTERVAL_MS, now_us)
     for name, interval_ms in channel.card_intervals_ms.items():
         set_interval(channel, name, interval_ms, now_us)
-    # FIRMWARE PARITY: its first heartbeat comes 1 s later, or with the first blocking delay of initialisation.
+    # FIRMWARE PARITY: the firmware's first heartbeat comes 1 s later, or in the first blocking delay of initialisation.
     channel.request("HEARTBEAT")

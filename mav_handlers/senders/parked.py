@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Placeholders: what a vehicle parked in the reference simulator says of things that are not emulated.
+"""Placeholders for subsystems that are not emulated: the values of a vehicle parked in the reference simulator.
 
 Source: GCS_MAVLink/GCS_Common.cpp, ArduCopter/GCS_MAVLink_Copter.cpp.
 """
@@ -78,7 +78,7 @@ def battery_status(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> BATTER
 
 
 def nav_controller_output(vehicle: Vehicle, _channel: Channel, _now_us: int) -> NAV_CONTROLLER_OUTPUT | None:
-    """The present attitude in degrees as the wanted one, and no way to go, once the vehicle is initialised.
+    """The present attitude in degrees as the target, and no distance to go, once the vehicle is initialised.
 
     Source: GCS_MAVLINK_Copter::send_nav_controller_output.
     """
@@ -95,7 +95,7 @@ def mission_current(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> MISSI
 
 def servo_output_raw(_vehicle: Vehicle, _channel: Channel, now_us: int) -> SERVO_OUTPUT_RAW:
     """Four motors at rest, in us (GCS_MAVLINK::send_servo_output_raw)."""
-    # FIRMWARE PARITY: a second message, with port 1, tells of outputs 17 to 32.
+    # FIRMWARE PARITY: a second message, with port 1, carries outputs 17 to 32.
     return SERVO_OUTPUT_RAW(u32(now_us), 0, *MOTOR_PWM_US, *(0,) * 4)
 
 

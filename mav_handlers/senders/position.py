@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the vehicle, the EKF origin and home are.
+"""Messages of the vehicle's position, the EKF origin and home.
 
 Source: GCS_MAVLink/GCS_Common.cpp.
 """
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle
 
 NOWHERE: Final = Location(0, 0, 0)
-"""What is told of the vehicle's place before it is known."""
+"""The reported location before the first estimate."""
 
 _FULL_TURN_CDEG: Final = 36000
 _CENTI: Final = f32(0.01)
@@ -51,7 +51,7 @@ def local_position_ned(vehicle: Vehicle, _channel: Channel, now_us: int) -> LOCA
 
 @quiet_overflow
 def global_position_int(vehicle: Vehicle, _channel: Channel, now_us: int) -> GLOBAL_POSITION_INT:
-    """The last known place, zeros before the first; velocity in cm/s, 0 while unknown; heading 0..359.99 deg.
+    """The last known location, zeros before the first; velocity in cm/s, 0 while unknown; heading 0..359.99 deg.
 
     Source: GCS_MAVLINK::send_global_position_int.
     """
@@ -72,7 +72,7 @@ def global_position_int(vehicle: Vehicle, _channel: Channel, now_us: int) -> GLO
 
 
 def _relative_alt_mm(vehicle: Vehicle) -> int:
-    """Return the height above home; without home or position it is the barometer's, which stays where it was at boot.
+    """Return the height above home; without home or position the barometer's, which does not change after boot.
 
     Source: AP_AHRS::get_relative_position_D_home.
     """
@@ -108,7 +108,7 @@ def vfr_hud(vehicle: Vehicle, _channel: Channel, _now_us: int) -> VFR_HUD:
 
 
 def gps_global_origin(vehicle: Vehicle, _channel: Channel, now_us: int) -> GPS_GLOBAL_ORIGIN | None:
-    """The EKF origin; nothing while unset (GCS_MAVLINK::send_gps_global_origin)."""
+    """The EKF origin; not sent while unset (GCS_MAVLINK::send_gps_global_origin)."""
     origin = vehicle.ahrs.origin()
     if origin is None:
         return None
@@ -116,7 +116,7 @@ def gps_global_origin(vehicle: Vehicle, _channel: Channel, now_us: int) -> GPS_G
 
 
 def home_position(vehicle: Vehicle, _channel: Channel, now_us: int) -> HOME_POSITION | None:
-    """Home, and the way to it from the EKF origin in m NED; nothing while unset (GCS_MAVLINK::send_home_position)."""
+    """Home, also in m NED from the EKF origin; not sent while unset (GCS_MAVLINK::send_home_position)."""
     home, origin = vehicle.copter.home.place, vehicle.ahrs.origin()
     if home is None:
         return None

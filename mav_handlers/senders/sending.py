@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a link sends in one pass, in the firmware's order: timers, requested messages, the burst of a bucket.
+"""The output of a link in one pass, in the firmware's order: timers, requested messages, the burst of a bucket.
 
 Source: GCS_MAVLink/GCS_Common.cpp (update_send, do_try_send_message).
 """
@@ -28,16 +28,16 @@ _RANK: Final = {name: number for number, name in enumerate(SENDERS)}
 
 @dataclass(frozen=True, slots=True)
 class Sending:
-    """What all links share when they send; ``run`` is one pass of one link."""
+    """The sender of periodic and requested messages for all links; ``run`` is one pass of one link."""
 
     vehicle: Vehicle
     reads: ParamReads
     radio: RadioLink
 
     def run(self, channel: Channel, now_us: int) -> None:
-        """Send everything that is due, as far as it fits; what does not fit comes first next time.
+        """Send due messages as far as they fit; one that does not fit comes first in the next pass.
 
-        FIRMWARE PARITY: the firmware also ends when it is out of time.
+        FIRMWARE PARITY: the firmware also ends a pass when it is out of time.
         """
         now_ms = now_us // 1000
         while True:
@@ -59,13 +59,13 @@ class Sending:
                 return
 
     def _try(self, channel: Channel, name: str, now_us: int) -> bool:
-        """Send a message if there is anything to send; False when it has to wait."""
-        # FIRMWARE PARITY: the firmware does so in the blocking delays of initialisation.
+        """Send a message if it has content; return False if it has to wait."""
+        # FIRMWARE PARITY: the firmware sends so in the blocking delays of initialisation.
         if not self.vehicle.copter.has_booted and name not in SENT_WHILE_BOOTING:
             return True
         if self._is_delayed(now_us):
             return False
-        # A message without a dataclass is one that never has anything to report.
+        # A message without a dataclass never has anything to report.
         if name in MESSAGES and not channel.has_space_for(MESSAGES[name], now_us):
             return False
         if name == NEXT_PARAM:
@@ -75,7 +75,7 @@ class Sending:
         return True
 
     def _send(self, channel: Channel, name: str, now_us: int) -> None:
-        # Nobody misses a message that is not made, unless making it moves something on.
+        # Without a reader the message need not be built, unless building it changes state.
         message = SENDERS[name](self.vehicle, channel, now_us) if channel.has_reader or name in MOVING_ON else None
         if message is not None:
             channel.send(message)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The truth of a vehicle that flies, as the firmware's simulator tells it (SITL/SITL.cpp)."""
+"""The true state of a flying vehicle, as the firmware's simulator sends it (SITL/SITL.cpp)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _truth(vehicle: Vehicle) -> tuple[FlightTruth, Location] | None:
 
 
 def simstate(vehicle: Vehicle, _channel: Channel, _now_us: int) -> SIMSTATE | None:
-    """Attitude, inertial data and place; nothing of a vehicle that nobody flies (SIM::simstate_send)."""
+    """Attitude, inertial data and location; not sent for a vehicle without a flight (SIM::simstate_send)."""
     if (found := _truth(vehicle)) is None:
         return None
     truth, place = found
@@ -33,7 +33,7 @@ def simstate(vehicle: Vehicle, _channel: Channel, _now_us: int) -> SIMSTATE | No
 
 
 def sim_state(vehicle: Vehicle, _channel: Channel, _now_us: int) -> SIM_STATE | None:
-    """The same with the velocity; places in 1e-7 degrees, as the simulator has them (SIM::sim_state_send)."""
+    """The same with the velocity; location in 1e-7 degrees (SIM::sim_state_send)."""
     if (found := _truth(vehicle)) is None:
         return None
     truth, place = found

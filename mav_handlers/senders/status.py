@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the vehicle is and how it is: presence, version, modes, time, landed or not.
+"""Messages of the vehicle's identity and state: heartbeat, version, modes, time, landed state.
 
 Source: GCS_MAVLink/GCS_Common.cpp, ArduCopter/GCS_MAVLink_Copter.cpp.
 """
@@ -41,7 +41,7 @@ MAV_LANDED_STATE_LANDING: Final = 4
 MAVLINK_VERSION: Final = 3
 
 # MISSION_FLOAT, PARAM_FLOAT, MISSION_INT, COMMAND_INT, FTP, attitude and position targets, TERRAIN, TERMINATION,
-# COMPASS_CALIBRATION, MAVLINK2, FENCE, RALLY: what the reference build says of itself.
+# COMPASS_CALIBRATION, MAVLINK2, FENCE, RALLY: the capabilities of the reference build.
 CAPABILITIES: Final = 64495
 CAPABILITY_MAVLINK2: Final = 8192
 UID2_BYTES: Final = 18
@@ -99,7 +99,7 @@ def system_time(vehicle: Vehicle, _channel: Channel, now_us: int) -> SYSTEM_TIME
 
 
 def autopilot_version(vehicle: Vehicle, channel: Channel, _now_us: int) -> AUTOPILOT_VERSION:
-    """Capabilities and version; middleware and operating system are zero, as in simulation; uid2 tells vehicles apart.
+    """Capabilities and version; middleware and operating system are zero, as in simulation; uid2 is the vehicle's.
 
     Source: GCS_MAVLINK::send_autopilot_version.
     """
@@ -111,9 +111,9 @@ def autopilot_version(vehicle: Vehicle, channel: Channel, _now_us: int) -> AUTOP
 
 
 def system_text(system_id: int) -> str:
-    """Return what names a vehicle: 32 hex digits, as of the machine on which the simulator runs.
+    """Return the vehicle's system id text: 32 hex digits, like the machine id of the simulator's host.
 
-    FIRMWARE PARITY: here the vehicle's system id makes them.
+    FIRMWARE PARITY: here they are derived from the vehicle's system id.
     """
     return f"{system_id & 0xFFFF:04x}{_NAME.hex()}".ljust(SYSTEM_TEXT_DIGITS, "0")
 
@@ -124,12 +124,12 @@ def _uid2(vehicle: Vehicle) -> tuple[int, ...]:
 
 
 def request_modes(channel: Channel, index: float) -> None:
-    """Ask for the mode with an index (from 1), or with 0 for all of them, one at every turn of the message."""
+    """Request the mode with an index (from 1), or with 0 all modes, one at every turn of the message."""
     channel.modes_request = ModesRequest(u8(int_of_float(index)), next_index=1)
 
 
 def available_modes(vehicle: Vehicle, channel: Channel, _now_us: int) -> AVAILABLE_MODES | None:
-    """The mode that was asked for, or the next one of all; nothing when nobody asked or there is no such mode."""
+    """The requested mode, or the next of all; not sent without a request or if there is no such mode."""
     request = channel.modes_request
     if request is None:
         return None

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""SYS_STATUS: which sensors there are, and how they and the vehicle fare.
+"""SYS_STATUS: the sensors present, enabled and healthy, and the state of the vehicle.
 
 Source: GCS_MAVLink/GCS.cpp and ArduCopter/GCS_Copter.cpp, update_sensor_status_flags and its vehicle part.
 """
@@ -54,7 +54,7 @@ _ALWAYS_HEALTHY: Final = (
     | SENSOR_TERRAIN
     | SENSOR_PROPULSION
 )
-# A fence that was not crossed, and proximity sensors of which none has failed, as there is none.
+# A fence that is not breached, and no proximity sensor that has failed, because there is none.
 _HEALTHY_ANYWAY: Final = SENSOR_GEOFENCE | SENSOR_PROXIMITY
 
 Bits = tuple[bool, bool, bool]

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which messages the vehicle can send: one row a message, and the groups that are streamed together.
+"""The messages that the vehicle can send, one row each, and the stream groups.
 
-Source: GCS_MAVLink/ap_message.h for the order, GCS_MAVLINK::mavlink_id_to_ap_message_id for what there is (the
+Source: GCS_MAVLink/ap_message.h for the order, GCS_MAVLINK::mavlink_id_to_ap_message_id for the messages (the
 simulator's build), GCS_MAVLink/GCS_MAVLink_Parameters.cpp for the groups.
 """
 
@@ -22,7 +22,7 @@ from mav_handlers.senders import (
 )
 from mav_handlers.senders.builder import Builder, nothing_to_report
 
-# FIRMWARE PARITY: the firmware has something to say in some of the rows that have nothing to report here.
+# FIRMWARE PARITY: the firmware sends some of the messages that have nothing to report here.
 SENDERS: Final[Mapping[str, Builder]] = {
     "HEARTBEAT": status.heartbeat,
     "AHRS": attitude.ahrs,
@@ -106,7 +106,7 @@ SENDERS: Final[Mapping[str, Builder]] = {
 }
 
 MOVING_ON: Final = frozenset({"AVAILABLE_MODES"})
-"""Messages with which the next one is another: to make one changes what the link still has to send."""
+"""Messages whose building changes what the link sends next."""
 
 # Messages of each stream group, by the id that REQUEST_DATA_STREAM uses and the parameter that holds its rate.
 STREAM_GROUPS: Final[Mapping[int, tuple[str, tuple[str, ...]]]] = {

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """MAVLink FTP without I/O: requests and time in, replies out, one session over all links.
 
-Source: GCS_MAVLink/GCS_FTP.cpp (handle_file_transfer_protocol, ftp_worker, ftp_push_replies). What the firmware's
-thread does in one go is done here in steps, so that a transfer neither floods a link nor holds up the vehicle.
+Source: GCS_MAVLink/GCS_FTP.cpp (handle_file_transfer_protocol, ftp_worker, ftp_push_replies). The firmware's thread
+does a job at once; here it is done in steps, so that a transfer neither floods a link nor blocks the vehicle.
 """
 
 from collections import deque
@@ -19,7 +19,7 @@ from mav_handlers.transfers.ftp_wire import DATA_BYTES, FtpError, Opcode, Reply,
 QUEUE_CAPACITY: Final = 5
 SLOW_DOWN_MS: Final = 1000
 STEPS_PER_CALL: Final = 16
-"""Requests answered, packets of a burst made or stretches of a checksum computed in one call."""
+"""Steps in one call; a step is a request, a packet of a burst or a part of a checksum."""
 
 _BANNER_PATH: Final = b"@PARAM/param.pck"
 _MAV_SEVERITY_DEBUG: Final = 7
@@ -29,9 +29,9 @@ _FRAME_BYTES: Final = 254 + 12 - DATA_BYTES
 
 @dataclass(frozen=True, slots=True)
 class FtpPeer:
-    """Who asked, and over which link.
+    """The client of a request, and its link.
 
-    ``bytes_per_second`` is that of a link without flow control, of which a burst then takes a third; None: no limit.
+    ``bytes_per_second`` is the rate of a link without flow control, of which a burst uses a third; None: no limit.
     """
 
     channel: int
@@ -42,7 +42,7 @@ class FtpPeer:
 
 @dataclass(frozen=True, slots=True)
 class FtpReply:
-    """A payload of 251 bytes for a peer; with ``banner`` the vehicle introduces itself after it."""
+    """A payload of 251 bytes for a peer; with ``banner`` the banner texts follow it."""
 
     peer: FtpPeer
     payload: bytes
@@ -50,12 +50,12 @@ class FtpReply:
 
 
 class FtpServer:
-    """Answers requests: give each to ``handle``, call ``continue_burst`` at every poll, send what they return.
+    """The file server: pass requests to ``handle``, call ``continue_burst`` at every poll, send the replies of both.
 
     Args:
-        files: what clients see.
+        files: the files that clients see.
         send_text: takes a severity and a text for the ground station.
-        has_room: says whether a link takes another frame; until then its replies are held back.
+        has_room: returns whether a link has room for a frame; until then its replies wait.
     """
 
     def __init__(
@@ -76,13 +76,13 @@ class FtpServer:
         self._job_due_us = 0
 
     def handle(self, payload: bytes, now_us: int, peer: FtpPeer) -> list[FtpReply]:
-        """Take a request and return the first replies; while five are waiting a further one is dropped."""
+        """Queue a request and return the first replies; the request is dropped if five are waiting."""
         if len(self._queue) < QUEUE_CAPACITY:
             self._queue.append((Request.parse(payload), peer))
         return self.continue_burst(now_us)
 
     def continue_burst(self, now_us: int) -> list[FtpReply]:
-        """Go on with what is under way and then with waiting requests, and return some more replies."""
+        """Continue the present job, then waiting requests, and return more replies."""
         self._now_us = now_us
         replies: list[FtpReply] = []
         for _ in range(STEPS_PER_CALL):
@@ -92,7 +92,7 @@ class FtpServer:
 
     @property
     def busy(self) -> bool:
-        """Return whether ``continue_burst`` has something to do, now or later."""
+        """Return whether a job or a request is left for ``continue_burst``."""
         return self._job is not None or bool(self._queue)
 
     def slows_streams(self, now_us: int) -> bool:
@@ -103,7 +103,7 @@ class FtpServer:
         return self._since_reply_ms(now_us) < SLOW_DOWN_MS
 
     def speed_lasts_ms(self, now_us: int) -> int:
-        """Return for how long ``slows_streams`` tells the same, unless there is a reply."""
+        """Return how long ``slows_streams`` stays the same if no reply is sent."""
         since_ms = self._since_reply_ms(now_us)
         return (SLOW_DOWN_MS if since_ms < SLOW_DOWN_MS else 1 << 32) - since_ms
 
@@ -111,7 +111,7 @@ class FtpServer:
         return u32(now_us // 1000 - self._last_sent_ms)
 
     def close(self) -> None:
-        """Let go of open files, as when the vehicle goes down, and forget what is under way."""
+        """Close open files, as at shutdown, and drop jobs and requests."""
         if self._job is not None:
             self._job[0].close()
             self._job = None
@@ -147,7 +147,7 @@ class FtpServer:
             return
         answer = self._session.answer(request, u32(self._now_ms - self._last_sent_ms))
         if answer is None and request.opcode in (Opcode.ACK, Opcode.NACK):
-            # Left without an answer, and yet the firmware has prepared one for a repetition.
+            # No answer is sent, yet the firmware has prepared one for a repetition.
             self._last = Reply(u16(request.seq + 1), request.session, request.opcode), peer
             return
         if answer is None:
@@ -171,7 +171,7 @@ class FtpServer:
 
     @staticmethod
     def _is_repeated(request: Request, peer: FtpPeer, reply: Reply, asker: FtpPeer) -> bool:
-        # Neither the operation nor the link counts, and a number that wrapped is not recognised.
+        # Neither operation nor link is compared, and a wrapped number is not recognised.
         is_asker = (peer.system_id, peer.component_id) == (asker.system_id, asker.component_id)
         return is_asker and request.session == reply.session and request.seq + 1 == reply.seq
 

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What MAVLink FTP asks of the files behind it.
+"""The file interface that MAVLink FTP needs.
 
-Paths are as the client sent them, up to the first NUL. Nothing here raises: what fails is answered by a Failure.
+Paths are as the client sent them, up to the first NUL. Nothing here raises: a failed operation returns a Failure.
 """
 
 from collections.abc import Sequence
@@ -30,36 +30,36 @@ class ReadableFile(Protocol):
 
     @property
     def size(self) -> int:
-        """The size in bytes that is told to the client; it may be an estimate."""
+        """The size in bytes that is reported to the client; it may be an estimate."""
 
     def read(self, offset: int, count: int) -> bytes | Failure:
-        """Return up to ``count`` bytes at ``offset``; none at the end of the file and beyond."""
+        """Return up to ``count`` bytes at ``offset``; none at or after the end of the file."""
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
 
 
 class WritableFile(Protocol):
     """A file opened for writing."""
 
     def write(self, offset: int, data: bytes) -> Failure | None:
-        """Put ``data`` at ``offset``."""
+        """Write ``data`` at ``offset``."""
 
     def close(self) -> None:
-        """Complete the file and let go of it."""
+        """Complete and close the file."""
 
 
 class FtpFiles(Protocol):
     """A tree of files."""
 
     def list_directory(self, path: str) -> Sequence[Entry] | Failure:
-        """Return a directory's entries, always in the same order."""
+        """Return a directory's entries in a fixed order."""
 
     def open_read(self, path: str) -> ReadableFile | Failure:
         """Open a file for reading."""
 
     def open_write(self, path: str, *, create: bool) -> WritableFile | Failure:
-        """Open a file for writing; ``create`` makes it, or empties the one that is there."""
+        """Open a file for writing; ``create`` makes or empties it."""
 
     def remove(self, path: str) -> Failure | None:
         """Remove a file or an empty directory."""
@@ -68,4 +68,4 @@ class FtpFiles(Protocol):
         """Make a directory."""
 
     def rename(self, old_path: str, new_path: str) -> Failure | None:
-        """Give a file or directory another path."""
+        """Rename a file or directory."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The one FTP session of a vehicle, and what each request does with it.
+"""The one FTP session of a vehicle, and the operation of each request.
 
 Source: GCS_MAVLink/GCS_FTP.cpp (ftp_worker, ftp_list_dir, gen_dir_entry), AP_Filesystem/AP_Filesystem.cpp (crc32).
 """
@@ -23,7 +23,7 @@ _UINT32_MAX: Final = 0xFFFFFFFF
 _NO_SESSION: Final = -1
 
 Job = Generator[Reply | None, None, Reply | None]
-"""Yields a reply, or None after a step without one; returns what is to pass for the last reply, if not that one."""
+"""Yields a reply, or None after a step without one; returns the reply to record as the last, if it is another."""
 
 
 def _listed(entry: Entry) -> bytes:
@@ -36,7 +36,7 @@ def _done(request: Request, failure: Failure | None, *, offset: int = 0) -> Repl
 
 
 def burst_read(request: Request, file: ReadableFile) -> Job:
-    """Read on from the request's offset and send up to 500 packets; the end of the file is a Nack."""
+    """Read from the request's offset and send up to 500 packets; a Nack marks the end of the file."""
     count = request.size or DATA_BYTES
     reply = ack(request)
     end_offset = 0
@@ -50,10 +50,10 @@ def burst_read(request: Request, file: ReadableFile) -> Job:
         is_short = len(data) < count
         reply = replace(reply, data=data, offset=offset, burst_complete=is_short or packet == BURST_PACKETS - 1)
         yield reply
-        # Only behind a short packet does the firmware point at the end of the file.
+        # The firmware sets the offset to the end of the file only after a short packet.
         end_offset = offset + len(data) if is_short else offset
         reply = replace(reply, seq=u16(reply.seq + 1))
-    # By now the firmware has numbered a packet that it does not send.
+    # The firmware has already numbered a packet that it does not send.
     return reply
 
 
@@ -79,7 +79,7 @@ def file_crc32(request: Request, file: ReadableFile) -> Job:
 
 
 class FtpSession:
-    """At most one open file, for whichever client was first."""
+    """The session: at most one open file, for the client that opened it first."""
 
     def __init__(self, files: FtpFiles) -> None:
         self._files = files
@@ -101,9 +101,9 @@ class FtpSession:
         self._session = _NO_SESSION
 
     def answer(self, request: Request, idle_ms: int) -> Reply | Job | None:
-        """Do what a request asks for, ``idle_ms`` after the last reply.
+        """Execute a request, ``idle_ms`` after the last reply.
 
-        Return the reply, or a job that makes it; None for an opcode that is no operation.
+        Return the reply, or a job that makes it; None for an unknown opcode.
         """
         if request.size > DATA_BYTES:
             return nack(request, FtpError.INVALID_DATA_SIZE)

@@ -35,10 +35,10 @@ class LogReader(Protocol):
 
 
 class LogLibrary(Protocol):
-    """The logs there are. Nothing in it raises because of a file."""
+    """The vehicle's logs. No method raises because of a file."""
 
     def count(self) -> int:
-        """Look for logs and return how many there are, 0..65535; ids run from 1, the oldest, until the next call."""
+        """Search for logs and return their number, 0..65535; ids run from 1, the oldest, until the next call."""
 
     def entry(self, log_id: int) -> tuple[int, int]:
         """Return size in bytes and UTC in s, 32 bits each; zeros for a log that is gone."""
@@ -47,10 +47,10 @@ class LogLibrary(Protocol):
         """Open a log for reading; one that is gone reads as empty."""
 
     def begin_transfer(self) -> None:
-        """Close the log being written, and let none be opened until ``end_transfer``."""
+        """Close the log being written, and open none until ``end_transfer``."""
 
     def end_transfer(self) -> None:
-        """Let a new log be opened."""
+        """Allow a new log."""
 
     def erase_all(self) -> None:
         """Close the log being written, and delete every log."""
@@ -74,11 +74,11 @@ class _Sending:
 
 
 class LogTransfer:
-    """The one transfer of logs that a vehicle has, over all its links together.
+    """The one log transfer of a vehicle, over all its links.
 
-    A request is followed by ``pump`` for the same link at once, as the firmware sends the first messages while it
-    handles the request; after that ``pump`` is called for every link once a pass of the main loop. ``send_text_to``
-    takes a link, a severity and a text for it.
+    After a request call ``pump`` for the same link at once, as the firmware sends the first messages while it handles
+    the request; then call ``pump`` for every link once a pass of the main loop. ``send_text_to`` takes a link, a
+    severity and a text.
     """
 
     def __init__(self, library: LogLibrary, send_text_to: Callable[[int, int, str], None]) -> None:
@@ -98,7 +98,7 @@ class LogTransfer:
         return isinstance(self._job, _Sending)
 
     def refuse(self, channel_index: int, *, armed: bool, writes_enabled: bool) -> Verdict | None:
-        """Turn down any request of a link while armed, which a text tells it once, or booting (handle_log_message)."""
+        """Refuse a link's requests while armed, with one text, or while booting (handle_log_message)."""
         if not writes_enabled:
             return LOG_NOT_READY
         if armed and not self._told_to_disarm:
@@ -107,7 +107,7 @@ class LogTransfer:
         return LOG_ARMED if armed else None
 
     def request_list(self, channel_index: int, start: int, end: int) -> Verdict:
-        """Begin to list the logs from id ``start``, of which 0 counts as 1, to ``end`` (handle_log_request_list)."""
+        """Begin to list the logs from id ``start`` (0 counts as 1) to ``end`` (handle_log_request_list)."""
         if self._job is not None:
             return self._tell_busy(channel_index)
         num_logs = self._library.count()
@@ -120,7 +120,7 @@ class LogTransfer:
     def request_data(self, channel_index: int, log_id: int, ofs: int, count: int) -> Verdict:
         """Begin to send ``count`` bytes of a log from ``ofs`` on (handle_log_request_data).
 
-        A request while this link's transfer runs is dropped in silence: clients that fill gaps repeat themselves.
+        A request while this link's transfer runs is dropped without an answer: clients that fill gaps repeat it.
 
         Args:
             channel_index: the link that asks.
@@ -132,8 +132,8 @@ class LogTransfer:
             return LOG_REPEATED if self._job.channel_index == channel_index else self._tell_busy(channel_index)
         if not 1 <= log_id <= self._library.count():
             return LOG_UNKNOWN
-        # FIRMWARE PARITY: the firmware takes the size first and loses what waits to be written when it then closes
-        # the log. Here the log is closed first, and sent to its last record.
+        # FIRMWARE PARITY: the firmware reads the size first and loses buffered records when it then closes the log.
+        # Here the log is closed first, and sent to its last record.
         self._library.begin_transfer()
         size, _ = self._library.entry(log_id)
         remaining = min(max(size - ofs, 0), count)
@@ -141,12 +141,12 @@ class LogTransfer:
         return HANDLED
 
     def forget(self, channel_index: int) -> None:
-        """Stop what is under way for a link that has ended."""
+        """Stop the transfer of a link that has ended."""
         if self._job is not None and self._job.channel_index == channel_index:
             self.request_end()
 
     def request_end(self) -> Verdict:
-        """Stop whatever is under way, whichever link began it (handle_log_request_end)."""
+        """Stop the transfer, whichever link began it (handle_log_request_end)."""
         self.pause()
         self._job = None
         return HANDLED
@@ -169,10 +169,10 @@ class LogTransfer:
         heartbeat_us: int,
         max_packets: int = PACKETS_PER_PASS,
     ) -> list[Message]:
-        """Return what a link is to be sent now: one LOG_ENTRY, or some LOG_DATA (handle_log_send).
+        """Return the messages to send on a link now: one LOG_ENTRY, or some LOG_DATA (handle_log_send).
 
-        What is returned counts as sent. Nothing is due while the vehicle is armed, nor while the link waits for a
-        heartbeat, of which ``heartbeat_us`` was the last, since boot.
+        Returned messages count as sent. Nothing is due while the vehicle is armed, nor while the link waits for a
+        heartbeat; ``heartbeat_us`` is the time of the last one since boot.
         """
         job = self._job
         if job is None or job.channel_index != channel_index:
@@ -213,7 +213,7 @@ class LogTransfer:
         return message
 
     def pause(self) -> None:
-        """Let the vehicle log again, because it is being armed; sending goes on once it is disarmed."""
+        """Allow logging again because the vehicle is being armed; sending continues once it is disarmed."""
         job = self._job
         if isinstance(job, _Sending) and job.reader is not None:
             job.reader.close()

@@ -21,7 +21,7 @@ MAGIC_WITH_DEFAULTS: Final = 0x671C
 FLAG_DEFAULT: Final = 1
 ESTIMATED_BYTES: Final = 12
 MAX_UPLOAD_BYTES: Final = 0xFFFF
-"""Longest upload: its header gives the length in 16 bits."""
+"""Longest upload: the header gives the length in 16 bits."""
 
 _HEADER: Final = struct.Struct("<HHH")
 _VALUES: Final = {
@@ -36,7 +36,7 @@ _UINT16_MAX: Final = 0xFFFF
 
 @dataclass(frozen=True, slots=True)
 class PckQuery:
-    """What a client asks for: ``count`` parameters (0 for all) from index ``start``."""
+    """A client's query: ``count`` parameters (0 for all) from index ``start``."""
 
     start: int = 0
     count: int = 0
@@ -46,7 +46,7 @@ class PckQuery:
 def parse_query(query: str) -> PckQuery | None:
     """Read what follows the ``?`` of the file's name; None when an argument is out of range.
 
-    As in the firmware what is not understood is passed over, letter by letter, and a missing number counts as 0.
+    As in the firmware, unknown characters are skipped one by one, and a missing number counts as 0.
     """
     numbers = {"start": 0, "count": 0, "withdefaults": 0}
     position = 0
@@ -62,7 +62,7 @@ def parse_query(query: str) -> PckQuery | None:
 
 
 def estimate_size(params: ParamTable) -> int:
-    """Return the size that the file has for directories and when it is opened; it is a guess."""
+    """Return the estimated size that directories and an opened file report."""
     return params.count * ESTIMATED_BYTES
 
 
@@ -71,7 +71,7 @@ def build_param_pck(
 ) -> bytes:
     """Return the file.
 
-    Zero bytes keep the last value of an entry from lying across a boundary between two reads.
+    Zero bytes keep an entry's value from crossing the boundary between two reads.
 
     Args:
         params: the list.
@@ -129,7 +129,7 @@ def _default(param: Param) -> ParamValue:
 
 @dataclass(frozen=True, slots=True)
 class PackedParam:
-    """One parameter of a file, with the type that its writer believes it has."""
+    """One parameter of a file, with the type given by its writer."""
 
     name: str
     type: ParamType
@@ -142,8 +142,8 @@ def parse_param_pck_upload(data: bytes) -> tuple[PackedParam, ...] | None:
     Its header gives the whole length in place of the total, and there are neither defaults nor padding.
     Source: param_upload_parse.
     """
-    # FIRMWARE PARITY: the firmware sets parameters as it reads on, reads beyond the end, and takes types that do not
-    # exist for some other; here a file with any fault is refused as a whole.
+    # FIRMWARE PARITY: the firmware sets parameters as it reads on, reads beyond the end, and takes unknown types for
+    # other ones; here a file with any fault is refused as a whole.
     if len(data) < _HEADER.size:
         return None
     magic, count, length = _HEADER.unpack_from(data)
@@ -154,7 +154,7 @@ def parse_param_pck_upload(data: bytes) -> tuple[PackedParam, ...] | None:
 
 
 def parse_param_pck(data: bytes) -> tuple[tuple[PackedParam, ...], int] | None:
-    """Read a downloaded file as far as it goes: its parameters, and how many the vehicle has; None if it is none."""
+    """Read a download as far as it goes: its parameters and the vehicle's parameter count; None if malformed."""
     if len(data) < _HEADER.size:
         return None
     magic, count, total = _HEADER.unpack_from(data)
@@ -164,7 +164,7 @@ def parse_param_pck(data: bytes) -> tuple[tuple[PackedParam, ...], int] | None:
 
 
 def _entries(data: bytes, *, is_download: bool = False) -> Iterator[PackedParam]:
-    """Yield parameters up to the first fault; a download may have padding, and defaults, which are passed over."""
+    """Yield parameters up to the first fault; padding and defaults of a download are skipped."""
     name, start = b"", 0
     while start + 2 <= len(data):
         if is_download and data[start] == 0:

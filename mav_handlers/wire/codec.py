@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The one door to pymavlink's dialect: bytes to typed messages and back.
+"""The only use of pymavlink's dialect: bytes to typed messages and back.
 
-pymavlink's parser cuts frames out of a stream of bytes, and its messages know how to become a frame. What stands in a
-frame is looked up in a map of our own: pymavlink's is a global of its module, and has no drafts.
+pymavlink's parser cuts frames out of a stream of bytes, and its messages pack themselves into frames. Payloads are
+decoded by a map of our own: pymavlink's is a global of its module, and lacks draft messages.
 """
 
 import struct
@@ -40,14 +40,14 @@ class Header(NamedTuple):
 
 
 class Received(NamedTuple):
-    """A whole frame; ``message`` is None when its type is not one of ours."""
+    """A whole frame; ``message`` is None if its type has no dataclass here."""
 
     header: Header
     message: Message | None
 
 
 class Defect(Enum):
-    """What is wrong with bytes that are no frame."""
+    """Why bytes are no frame."""
 
     PREFIX = "no frame begins with the first byte"
     FLAGS = "the frame has flags that nobody knows"
@@ -63,7 +63,7 @@ class BadData(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Draft:
-    """A message in the terms of pymavlink's classes; fields are in the order of the wire."""
+    """A draft message, described as pymavlink's classes are; fields are in wire order."""
 
     id: int
     msgname: str
@@ -74,7 +74,7 @@ class _Draft:
     unpacker: struct.Struct
 
 
-# The firmware's dialect has these messages. pymavlink has them in its dialect of drafts alone, which is as large as the
+# The firmware's dialect has these messages. pymavlink has them only in its dialect of drafts, which is as large as the
 # firmware's and as slow to import. Source: common.xml.
 DRAFTS: Final = (
     _Draft(
@@ -94,12 +94,12 @@ _ID_OF_NAME: Final[Mapping[str, int]] = {known.msgname: msg_id for msg_id, known
 
 
 class _Layout:
-    """How one of our messages becomes a payload, and a payload the message.
+    """Conversion between a message's dataclass and its payload.
 
     Attributes:
-        definition: of the message, as pymavlink has it.
-        full_length: of the payload in bytes, before MAVLink 2 leaves zeros at its end out.
-        version_1_length: of the payload in MAVLink 1, which knows no extension fields.
+        definition: pymavlink's class of the message.
+        full_length: length of the payload in bytes, before MAVLink 2 trims trailing zeros.
+        version_1_length: length of the payload in MAVLink 1, which has no extension fields.
     """
 
     def __init__(self, cls: type[Message]) -> None:
@@ -126,7 +126,7 @@ class _Layout:
         self.version_1_length = self.full_length - left_out
 
     def message(self, payload: bytes) -> Message:
-        """Return the message of a payload: what is missing at its end is zero, and what is longer is cut off."""
+        """Return the message of a payload; missing bytes count as zero, surplus bytes are ignored."""
         values = self._struct.unpack(payload[: self.full_length].ljust(self.full_length, b"\0"))
         if self._texts:
             values = tuple(_text(value) if isinstance(value, bytes) else value for value in values)
@@ -175,17 +175,17 @@ def begins_with_frame(data: bytes) -> bool:
     return isinstance(received, Received) and received.header.message_id in _DEFINITIONS
 
 
-class _Parser(dialect.MAVLink):  # type: ignore[misc]  # pymavlink tells no types
-    """pymavlink's parser of a stream, which has each frame that is whole decoded by ``decode``.
+class _Parser(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no types
+    """pymavlink's stream parser, which passes each whole frame to ``decode``.
 
     Attributes:
-        link_signing: what signatures are checked by; None while none are.
+        link_signing: checks signatures; None while they are not checked.
     """
 
     link_signing: LinkSigning | None = None
 
     def decode(self, msgbuf: bytearray) -> Received | BadData:
-        """Return what a frame holds, or why it counts as none."""
+        """Return a frame's content, or the reason why it is refused."""
         frame = bytes(msgbuf)
         is_signed = False
         if frame[0] == MARKER_V1:
@@ -211,8 +211,8 @@ class _Parser(dialect.MAVLink):  # type: ignore[misc]  # pymavlink tells no type
         return Received(Header(known.msgname, msg_id, system_id, component_id, sequence, version, frame), message)
 
 
-class _Outgoing(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink tells no types
-    """A message that pymavlink makes a frame of."""
+class _Outgoing(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink has no types
+    """A message that pymavlink packs into a frame."""
 
     def __init__(self, definition: Any, payload: bytes) -> None:
         super().__init__(definition.id, definition.msgname)
@@ -224,7 +224,7 @@ class _Outgoing(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink tel
 
 
 class Codec:
-    """One direction-pair of a link: parses what comes in, numbers and packs what goes out.
+    """The codec of a link: parses received bytes, numbers and packs outgoing messages.
 
     Args:
         system_id: source system of outgoing frames, 1..255; may be changed at any time.
@@ -259,9 +259,9 @@ class Codec:
         self._mav.seq = value
 
     def feed(self, data: bytes) -> None:
-        """Add received bytes; ``next_received`` then gives what is whole."""
+        """Add received bytes; ``next_received`` returns the whole frames."""
         if self._mav.buf_index > _COMPACT_ABOVE_BYTES:
-            # The parser keeps what it has read until nothing is left; a busy link never gets there.
+            # The parser frees its buffer only when it is empty, which never happens on a busy link.
             self._mav.buf = self._mav.buf[self._mav.buf_index :]
             self._mav.buf_index = 0
         self._mav.buf.extend(data)
@@ -276,7 +276,7 @@ class Codec:
         received = self._mav.parse_char(b"")
         if received is None or isinstance(received, Received | BadData):
             return received
-        # Of what is bad the parser finds two kinds itself: bytes between frames, and frames with other flags.
+        # The parser itself finds two kinds of bad data: bytes between frames, and frames with unknown flags.
         defect = Defect.FLAGS if received.data[0] == MARKER_V2 else Defect.PREFIX
         return BadData(defect, len(received.data))
 
@@ -320,7 +320,7 @@ def _offset_of(definition: Any, name: str) -> int | None:
 
 
 def target_offsets() -> dict[int, tuple[int | None, int | None]]:
-    """Return where target_system and target_component stand in each message's payload, by message id."""
+    """Return the offsets of target_system and target_component in each message's payload, by message id."""
     return {
         msg_id: (_offset_of(known, "target_system"), _offset_of(known, "target_component"))
         for msg_id, known in _DEFINITIONS.items()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Signed frames: which are genuine and new, and which unsigned ones pass all the same.
+"""Signed frames: checks of signature and timestamp, and the unsigned frames that are accepted.
 
 A signed frame ends in 13 bytes: link id, a 48-bit timestamp in units of 10 us since 2015, and six bytes of SHA-256
 over the key and all before. Source: mavlink_helpers.h, mavlink_signature_check.
@@ -32,13 +32,13 @@ class Refusal(Enum):
 
 
 class SigningStreams:
-    """The last timestamp of each sender on each of its links; one table for all links of the vehicle."""
+    """The last timestamp of each sender on each of its links, in one table for all links of the vehicle."""
 
     def __init__(self) -> None:
         self._timestamps: dict[tuple[int, int, int], int] = {}
 
     def refuse(self, stream: tuple[int, int, int], timestamp: int, own_timestamp: int) -> Refusal | None:
-        """Take the timestamp of a genuine frame, or say why not.
+        """Accept and store the timestamp of a genuine frame, or return why it is refused.
 
         Args:
             stream: the sender's system and component id, and its link id.
@@ -62,9 +62,9 @@ class LinkSigning:
     Args:
         secret_key: 32 bytes.
         link_id: goes into every signature.
-        timestamp: of the next frame sent, in units of 10 us since 2015; counts on with every frame.
-        streams: what has been received.
-        accepts_unsigned: tells by its id whether a message needs no (valid) signature.
+        timestamp: of the next frame sent, in units of 10 us since 2015; every frame increments it.
+        streams: the received timestamps.
+        accepts_unsigned: returns whether a message with an id is accepted without a valid signature.
 
     Raises:
         ValueError: a key of another length.
@@ -99,13 +99,13 @@ class LinkSigning:
     def refusal(self, frame: bytes, message_id: int, sender: tuple[int, int], *, is_signed: bool) -> Refusal | None:
         """Return why a frame is refused, or None if it is accepted.
 
-        If it is genuine and new, this link's timestamp is not behind it any more.
+        A genuine, new frame moves this link's timestamp up to its own.
 
         Args:
-            frame: all of it, with its signature if it has one.
+            frame: the whole frame, with its signature if it has one.
             message_id: of its message; some need no valid signature.
             sender: its system and component id.
-            is_signed: its flags say that it has a signature.
+            is_signed: whether the frame's flags announce a signature.
         """
         failure = self._failure_of(frame, sender) if is_signed else Refusal.UNSIGNED
         return None if failure is None or self._accepts_unsigned(message_id) else failure

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Commands to a vehicle in flight (ArduCopter/GCS_MAVLink_Copter.cpp); who has no motors does not support them."""
+"""Commands to a vehicle in flight (ArduCopter/GCS_MAVLink_Copter.cpp); without motors they are not supported."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ FULL_TURN_DEG: Final = 360.0
 
 @dataclass(frozen=True, slots=True)
 class GuidedTarget:
-    """What a companion wants of a vehicle in GUIDED; None for what it leaves open.
+    """A target for a vehicle in GUIDED; None for what the companion leaves open.
 
     Attributes:
-        pos_ned_m: a place, from the EKF origin.
-        vel_ned_m_s: a velocity; with a place, that of the place.
+        pos_ned_m: a position relative to the EKF origin.
+        vel_ned_m_s: a velocity; with a position, that of the moving target.
         acc_ned_m_s2: an acceleration.
-        yaw_rad: where to look, or by what angle to turn if ``is_yaw_relative``.
-        yaw_rate_rad_s: how fast to turn.
+        yaw_rad: the heading, or the angle to turn by if ``is_yaw_relative``.
+        yaw_rate_rad_s: the turn rate.
     """
 
     pos_ned_m: tuple[float, float, float] | None = None
@@ -61,7 +61,7 @@ def condition_yaw(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def do_change_speed(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Fly to targets at param2 m/s; climb and descent rates are those of the parameters here."""
+    """Set the speed towards targets to param2 m/s; climb and descent rates stay those of the parameters."""
     flight = ctx.vehicle.copter.flight
     if flight is None:
         return MavResult.UNSUPPORTED
@@ -74,7 +74,7 @@ def do_change_speed(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def do_reposition(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Fly to a place, in GUIDED or into GUIDED if bit 0 of param2 is set (handle_command_int_do_reposition)."""
+    """Fly to a location in GUIDED; bit 0 of param2 allows the change to GUIDED (handle_command_int_do_reposition)."""
     copter = ctx.vehicle.copter
     flight = copter.flight
     if flight is None:

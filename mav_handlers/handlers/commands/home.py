@@ -40,7 +40,7 @@ class OriginResult(Enum):
 
 
 def get_home_position(ctx: Context, _command: COMMAND_INT) -> MavResult:
-    """Send home and origin ahead of the acknowledgement."""
+    """Send home and origin before the acknowledgement."""
     home = home_position(ctx.vehicle, ctx.channel, ctx.now_us)
     if home is None:
         return MavResult.FAILED
@@ -69,7 +69,7 @@ def location_problem(ctx: Context, command: COMMAND_INT) -> bool:
 
 
 def altitude_cm(altitude_m: float) -> int:
-    """Return an altitude as places have it, cut off at whole centimetres as the firmware does."""
+    """Return an altitude in whole centimetres, truncated as in the firmware."""
     return int_of_float(float(np.float32(altitude_m) * np.float32(100)))
 
 
@@ -78,7 +78,7 @@ def _location(command: COMMAND_INT) -> Location:
 
 
 def set_ekf_origin(ctx: Context, location: Location) -> OriginResult:
-    """Set the EKF origin and tell of it as the release does; everybody is told when home follows.
+    """Set the EKF origin and announce it as the release does (``sends_origin_at_once``).
 
     Source: GCS_MAVLINK::set_ekf_origin.
     """
@@ -105,7 +105,7 @@ def do_set_global_origin(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def do_set_home(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Set home for good: to where the vehicle is, or to degE7 and metres (handle_command_do_set_home)."""
+    """Set home and lock it: to the vehicle's location, or to degE7 and metres (handle_command_do_set_home)."""
     home = ctx.vehicle.copter.home
     if is_equal(f32(command.param1), _ONE) or (command.x == 0 and command.y == 0):
         return accepted_if(home.set_here(lock=True))
@@ -118,14 +118,14 @@ def do_set_home(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def absolute_place(ctx: Context, command: COMMAND_INT) -> Location | None:
-    """Return the place of a command with its altitude above the sea, or None where that is not known."""
+    """Return a command's location with its altitude above mean sea level, or None if that is unknown."""
     return above_the_sea(ctx, _location(command), command.frame)
 
 
 def above_the_sea(ctx: Context, place: Location, frame: int) -> Location | None:
-    """Return a place in a frame with its altitude above the sea, or None where that is not known.
+    """Return a location with its altitude above mean sea level, or None if that is unknown.
 
-    A height above home needs one, and there is no terrain data (Location::change_alt_frame).
+    An altitude above home needs a home; there is no terrain data (Location::change_alt_frame).
     """
     home = ctx.vehicle.copter.home.place
     if frame in ABSOLUTE_FRAMES:
@@ -136,7 +136,7 @@ def above_the_sea(ctx: Context, place: Location, frame: int) -> Location | None:
 
 
 def external_position_estimate(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Give the EKF a place without a height: param1 seconds, param2 delay in s, param3 accuracy in m.
+    """Give the EKF a horizontal position: param1 time in s, param2 delay in s, param3 accuracy in m.
 
     Source: GCS_MAVLINK::handle_command_int_external_position_estimate.
     """
@@ -153,6 +153,6 @@ def external_position_estimate(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def external_wind_estimate(_ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Take a wind, m/s and degrees; only DCM would use it (handle_command_int_external_wind_estimate)."""
+    """Accept a wind in m/s and degrees; only DCM would use it (handle_command_int_external_wind_estimate)."""
     in_range = not command.param1 < 0 and not command.param3 < 0 and not command.param3 > 360
     return MavResult.ACCEPTED if in_range else MavResult.DENIED

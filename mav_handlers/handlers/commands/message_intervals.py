@@ -58,12 +58,12 @@ def _tell_message_interval(ctx: Context, wanted: float) -> MavResult:
 
 
 def get_message_interval(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Tell a message's interval, ahead of the acknowledgement."""
+    """Send a message's interval before the acknowledgement."""
     return _tell_message_interval(ctx, command.param1)
 
 
 def request_message(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Queue a message to be sent once, after the acknowledgement; it may turn out to have nothing to say."""
+    """Queue a message to be sent once, after the acknowledgement; it is left out if it has no content."""
     msg_id = u32_of_float(command.param1)
     if msg_id == MESSAGE_INTERVAL_ID:
         return _tell_message_interval(ctx, command.param2)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Commands that change the flight mode, or start something in it (ArduCopter/GCS_MAVLink_Copter.cpp)."""
+"""Commands that change the flight mode, or start a takeoff or a mission (ArduCopter/GCS_MAVLink_Copter.cpp)."""
 
 from typing import Final
 
@@ -24,12 +24,12 @@ _CENTI: Final = f32(100)
 
 
 def set_mode(ctx: Context, base_mode: int, custom_mode: int) -> MavResult:
-    """Enter the mode with a number, or move the safety switch (GCS_MAVLINK::_set_mode_common).
+    """Enter a mode by number, or set the safety switch (GCS_MAVLINK::_set_mode_common).
 
     Args:
         ctx: the surroundings of the message.
-        base_mode: its bit 0 says that the number counts; exactly 128 means the safety switch.
-        custom_mode: number of the mode, of which eight bits count; of the switch 0 is off, 1 on.
+        base_mode: bit 0 selects the mode number; exactly 128 selects the safety switch.
+        custom_mode: number of the mode, eight bits; for the switch 0 is off, 1 on.
     """
     if base_mode & MODE_FLAG_CUSTOM:
         return accepted_if(ctx.vehicle.copter.set_mode(u8(custom_mode)))
@@ -60,14 +60,14 @@ def nav_land(ctx: Context, _command: COMMAND_INT) -> MavResult:
 
 
 def mission_start(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Enter AUTO; a part of the mission cannot be chosen."""
+    """Enter AUTO; a range of mission items is not supported."""
     if not is_zero(f32(command.param1)) or not is_zero(f32(command.param2)):
         return MavResult.DENIED
     return accepted_if(ctx.vehicle.copter.set_mode(AUTO))
 
 
 def nav_takeoff(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Take off to a height in m above home; a param3 leaves the horizontal part to the pilot.
+    """Take off to an altitude in m above home; a non-zero param3 leaves horizontal control to the pilot.
 
     Source: GCS_MAVLINK_Copter::handle_MAV_CMD_NAV_TAKEOFF.
     """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Numbers of commands and of their results, and how parameters of commands become integers."""
+"""Numbers of commands and of their results, and the conversion of command parameters to integers."""
 
 import math
 from enum import IntEnum
@@ -57,19 +57,19 @@ class MavCmd(IntEnum):
 
 
 def accepted_if(ok: bool) -> MavResult:
-    """Return ACCEPTED, or FAILED when it did not work."""
+    """Return ACCEPTED if ``ok``, else FAILED."""
     return MavResult.ACCEPTED if ok else MavResult.FAILED
 
 
 def u32_of_float(value: float) -> int:
     """Return a parameter as the firmware's uint32_t."""
-    # x86-64 converts to uint32_t through a 64-bit register; NaN and what does not fit there give 0.
+    # x86-64 converts to uint32_t through a 64-bit register; NaN and values out of range give 0.
     return u32(math.trunc(value)) if -_I64_LIMIT <= value < _I64_LIMIT else 0
 
 
 def u64_of_float(value: float) -> int:
     """Return a parameter as the firmware's uint64_t."""
-    # x86-64 converts the upper half after taking 2**63 off; what does not fit a register becomes its sign bit.
+    # x86-64 converts the upper half after taking 2**63 off; values out of range become its sign bit.
     if value >= 2 * _I64_LIMIT:
         return 0
     return u64(math.trunc(value)) if value >= -_I64_LIMIT else _I64_LIMIT

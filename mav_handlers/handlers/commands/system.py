@@ -18,7 +18,7 @@ FORCE_REBOOT: Final = 20190226
 FORCE_SAVE_CALIBRATION: Final = 76
 
 _ONE: Final = f32(1)
-# param1 to 3 of the requests to break something.
+# param1 to 3 of the requests to provoke a fault.
 _DELIBERATE_FAULT: Final = (f32(42.0), f32(24.0), f32(71.0))
 _MAV_SEVERITY_WARNING: Final = 4
 _MAV_SEVERITY_NOTICE: Final = 5
@@ -39,7 +39,7 @@ def component_arm_disarm(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def run_prearm_checks(ctx: Context, _command: COMMAND_INT) -> MavResult:
-    """Run the checks and tell failures as texts; accepted whatever the outcome."""
+    """Run the checks and send failures as texts; always accepted."""
     if ctx.vehicle.copter.is_armed():
         return MavResult.TEMPORARILY_REJECTED
     ctx.vehicle.copter.arming.pre_arm_checks(display=True)
@@ -55,7 +55,7 @@ def request_autopilot_capabilities(ctx: Context, command: COMMAND_INT) -> MavRes
 
 
 def do_send_banner(ctx: Context, _command: COMMAND_INT) -> MavResult:
-    """Introduce the vehicle in texts."""
+    """Send the banner texts."""
     ctx.vehicle.endpoint.send_banner(ctx.channel)
     return MavResult.ACCEPTED
 
@@ -65,7 +65,7 @@ def preflight_reboot_shutdown(ctx: Context, command: COMMAND_INT) -> MavResult:
     param1 = f32(command.param1)
     asked = zip((param1, f32(command.param2), f32(command.param3)), _DELIBERATE_FAULT, strict=True)
     if all(is_equal(param, wanted) for param, wanted in asked):
-        # FIRMWARE PARITY: the firmware breaks itself in the way that param4 tells.
+        # FIRMWARE PARITY: the firmware provokes the fault that param4 selects.
         return MavResult.UNSUPPORTED
     if ctx.vehicle.copter.is_armed() and command.y != FORCE_REBOOT:
         return MavResult.FAILED
@@ -76,7 +76,7 @@ def preflight_reboot_shutdown(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def preflight_storage(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Forget all stored parameters, which shows after a restart; saving them is not asked for, as they are."""
+    """Erase all stored parameters, which takes effect after a restart. Saving needs no command."""
     if not ctx.vehicle.release.resets_parameters(command.param1):
         return MavResult.DENIED
     ctx.vehicle.params.forget_stored()
@@ -86,10 +86,10 @@ def preflight_storage(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def preflight_calibration(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Calibrate gyros or barometer, which is done at once, or accept old values for accelerometers and compasses.
+    """Calibrate gyros or barometer, at once, or keep the old calibration of accelerometers and compasses.
 
-    FIRMWARE PARITY: levelling, the guided calibration of accelerometers and that of the compass against motor currents
-    are not there.
+    FIRMWARE PARITY: levelling, the guided accelerometer calibration and the compass-motor calibration do not exist
+    here.
 
     Source: GCS_MAVLINK::_handle_command_preflight_calibration.
     """
