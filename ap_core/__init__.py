@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shared floor without I/O: float32 maths, C integers, clock, parameters and DataFlash records."""
+"""Shared base without I/O: float32 maths, C integers, clock, parameters and DataFlash records."""
 
 from ap_core.clock import Clock, VirtualClock
 from ap_core.internal_error import InternalError, InternalErrors

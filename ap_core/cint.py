@@ -63,7 +63,7 @@ def int_of_float(value: float) -> int:
 
 
 def int64_of_float(value: float) -> int:
-    """Convert to a signed 64-bit integer by truncation; NaN and values out of range give the least, as on x86-64."""
+    """Convert to a signed 64-bit integer by truncation; NaN and values out of range give INT64_MIN, as on x86-64."""
     return math.trunc(value) if _I64_MIN <= value <= _I64_MAX else _I64_MIN
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Time since boot, handed in from outside: nothing in the core reads a wall clock."""
+"""Time since boot, passed in by the caller: nothing in the core reads a wall clock."""
 
 from typing import Final, Protocol
 
@@ -14,7 +14,7 @@ _U64: Final = 0xFFFFFFFFFFFFFFFF
 
 
 def count_before(times: range, time: int) -> int:
-    """Count the times before ``time`` in evenly spaced, growing times that have no end."""
+    """Count the times before ``time`` in an endless sequence of evenly spaced times."""
     return max(0, -((times.start - time) // times.step))
 
 
@@ -40,7 +40,7 @@ class VirtualClock:
 
     def millis(self) -> int:
         """Return milliseconds since boot, modulo 2^32."""
-        return self._time_us // 1000 & _U32  # as u32 does, which takes a call; it is asked a dozen times in every pass
+        return self._time_us // 1000 & _U32  # as u32 does, without its call: every pass reads it a dozen times
 
     def set_us(self, time_us: int) -> None:
         """Set the time since boot in microseconds; any value is allowed, as tests step across wraps."""

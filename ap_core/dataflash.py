@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A DataFlash log as bytes: records, preceded by what describes them, and the start-up block.
+"""A DataFlash log as bytes: records, preceded by their FMT records, and the start-up block.
 
 Nothing is opened or written here; every call returns the bytes to append to the log.
 
@@ -37,15 +37,15 @@ _REQUIRED: Final = (FMT, UNIT, FMTU, MULT, PARM)
 class DataFlashWriter:
     """Turns records into the bytes of a self-describing log.
 
-    One writer serves a vehicle through all its logs: :meth:`new_log` begins another file, while ids given to
-    run-time types stay. Records never come before the FMT of their type.
+    One writer serves all logs of a vehicle: :meth:`new_log` begins another file, and run-time types keep their ids.
+    Records never come before the FMT of their type.
 
     Args:
-        structures: the fixed types, in the order of the start-up block. The first is FMT; UNIT, FMTU, MULT
-            and PARM are among them, with ids of their own if need be.
+        structures: the fixed types, in the order of the start-up block. The first is FMT; UNIT, FMTU, MULT and PARM are
+            among them, and may have other ids than the firmware's.
 
     Raises:
-        ValueError: if one of these is missing, or an id or a name is there twice.
+        ValueError: if one of these is missing, or an id or a name occurs twice.
     """
 
     def __init__(self, structures: Sequence[LogStructure]) -> None:
@@ -75,9 +75,9 @@ class DataFlashWriter:
     def define(
         self, name: str, labels: str, format: str, units: str | None = None, multipliers: str | None = None
     ) -> LogStructure:
-        """Return the run-time type of this name, created at first use with the highest id that is free.
+        """Return the run-time type of this name, created at first use with the highest free id.
 
-        Units or multipliers that are not given become ``?``; without multipliers a leading TimeUS gets ``s`` and ``F``
+        Missing units or multipliers become ``?``; without multipliers a leading TimeUS gets ``s`` and ``F``
         (AP_Logger::msg_fmt_for_name, fill_logstructure). Raises ValueError if the layout is invalid, the name is taken
         by another layout, or no id is left.
         """
@@ -109,7 +109,7 @@ class DataFlashWriter:
         Raises:
             ValueError: if the type is not registered here, or the values do not fit it.
         """
-        is_described = self._described.get(structure.msg_type) is structure  # as nearly always
+        is_described = self._described.get(structure.msg_type) is structure  # the usual case
         if not is_described and self._by_id.get(structure.msg_type) != structure:
             raise ValueError(f"log structure {structure.name!r} is not registered")
         packed = structure.pack(values)
@@ -122,7 +122,7 @@ class DataFlashWriter:
     def _describe(self, structure: LogStructure) -> bytes:
         """Return FMT and FMTU of a type, those of FMT and FMTU first (AP_Logger_Backend::Write_Emit_FMT).
 
-        The FMT of FMTU comes between the two when an FMTU record is what brings it up.
+        The FMT of FMTU comes between the two if this is the log's first FMTU record.
         """
         before = b"" if structure == FMT else self._describe(FMT)
         if structure.msg_type in self._described:

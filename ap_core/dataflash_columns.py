@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A DataFlash log as columns: an array for each field of each type of record.
 
-Nothing is opened here: a log is its bytes. What is read are whole types at once, and only those asked for.
+Nothing is opened here: a log is its bytes. A type is read as a whole, and only when it is requested.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,7 +16,7 @@ from ap_core.dataflash_dtype import Column, Records, shown
 from ap_core.dataflash_scan import Bytes, Chain, Formats, Layout, Lost, Offsets, lost_bytes, rows_at, scan
 from ap_core.log_structure import FMT, FMTU, MULT, UNIT
 
-# What DFReader puts before a unit; other factors are written out.
+# The prefixes that DFReader puts before a unit; other factors are written out.
 _PREFIXES: Final = {0.0: "", 1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "\u00b5", 1e-9: "n"}
 _DESCRIBING: Final = (FMT.name, FMTU.name, UNIT.name, MULT.name)
 _FILE: Final = "FILE"  # holds pieces of files, which are no texts
@@ -26,10 +26,10 @@ class LogColumns:
     """All records of a log.
 
     Args:
-        data: the log's bytes, or what holds them (bytes, a memory map).
+        data: the log's bytes (bytes or a memory map).
 
     Attributes:
-        lost: the bytes that are in no record, and why; nothing of a sound log.
+        lost: the bytes that are in no record, and why; empty for a sound log.
     """
 
     def __init__(self, data: Any) -> None:
@@ -45,27 +45,27 @@ class LogColumns:
 
     @property
     def begins(self) -> Offsets:
-        """Where each record begins, in bytes."""
+        """The offset of each record in bytes."""
         return self._chain.begins
 
     @property
     def sequence(self) -> Bytes:
-        """The number of the type of each record."""
+        """The type number of each record."""
         return self._chain.types
 
     @property
     def types(self) -> Mapping[str, Layout]:
-        """What FMT records say of each type, by name; of types that have no records too."""
+        """The layout of each type in FMT records, by name, including types without records."""
         return MappingProxyType(self._by_name)
 
     @cached_property
     def counts(self) -> Mapping[str, int]:
-        """How many records there are of each type that has any."""
+        """The number of records of each type that has any."""
         counts = np.bincount(self._chain.types, minlength=256).tolist()
         return {name: counts[one.msg_type] for name, one in self._by_name.items() if counts[one.msg_type]}
 
     def offsets(self, name: str) -> Offsets:
-        """Return where each record of a type begins, in bytes, which orders the records of several types."""
+        """Return the offset of each record of a type in bytes, which orders records of several types."""
         layout = self._by_name.get(name)
         if layout is None:
             return np.zeros(0, np.int64)
@@ -73,18 +73,18 @@ class LogColumns:
         return begins
 
     def records(self, name: str) -> Records:
-        """Return the records of a type as they are stored. Raises KeyError if the log does not know the type."""
+        """Return the records of a type as stored. Raises KeyError if the log has no such type."""
         return rows_at(self._data, self.offsets(name), self._by_name[name].dtype)
 
     def columns(self, name: str, labels: Iterable[str] | None = None) -> dict[str, Column]:
-        """Return fields of a type by label, as the values that log readers show; see :func:`shown`.
+        """Return fields of a type by label, with the values that log readers show; see :func:`shown`.
 
         Args:
             name: of the type.
             labels: of the fields, all by default.
 
         Raises:
-            KeyError: if the log does not know the type, or the type a field.
+            KeyError: if the log has no such type, or the type no such field.
         """
         layout, records = self._by_name[name], self.records(name)
         formats = dict(zip(layout.dtype.names or (), " " + layout.format, strict=True))
@@ -95,17 +95,17 @@ class LogColumns:
 
     @property
     def ill_described(self) -> Mapping[int, str]:
-        """Why types, by their number, cannot be read though they have an FMT."""
+        """The reasons why types with an FMT cannot be read, by type number."""
         return MappingProxyType(self._formats.ill)
 
     @property
     def is_sound(self) -> bool:
-        """Whether every byte is in a record of a type that is described, and always in the same way."""
+        """Whether every byte is in a record of a described type, and each type has one description."""
         said = {record.tobytes() for record in self.records(FMT.name)}
         return not self.lost and not self.ill_described and len(said) == len(self._descriptions())
 
     def only(self, names: Iterable[str]) -> bytes:
-        """Return a sound log of the records of some types alone, in their order, after what describes types."""
+        """Return a sound log of the records of some types alone, in their order, after all FMT records."""
         wanted = {*names, *_DESCRIBING}
         numbers = [number for number, layout in self._formats.layouts.items() if layout.name in wanted]
         kept = np.isin(self._chain.types, numbers) & (self._chain.types != FMT.msg_type)
@@ -116,15 +116,15 @@ class LogColumns:
         return b"".join([*self._descriptions().values(), *kept_bytes])
 
     def _descriptions(self) -> dict[int, bytes]:
-        """Return the FMT records that count, by the type that they describe."""
+        """Return the valid FMT records, by the type that they describe."""
         records = self.records(FMT.name)
         latest = {int(number): record.tobytes() for number, record in zip(records["Type"], records, strict=True)}
         return {number: record for number, record in latest.items() if number in self._formats.layouts}
 
     def units(self, name: str) -> dict[str, str]:
-        """Return the units of a type's fields by label, multipliers included, as DFReader has them.
+        """Return the units of a type's fields by label, multipliers included, as DFReader shows them.
 
-        Empty texts where the log has none.
+        A unit is an empty text if the log has none.
         """
         layout = self._by_name[name]
         ids, multiplier_ids = self._unit_ids.get(layout.msg_type, ("", ""))
@@ -146,7 +146,7 @@ class LogColumns:
 
     @cached_property
     def _factors(self) -> dict[str, float]:
-        # The firmware's doubles carry float32 values; seven digits bring back what was meant.
+        # The firmware's doubles carry float32 values; seven digits restore the intended value.
         return {chr(row[0] & 0xFF): float(f"{row[1]:.7g}") for row in self._rows(MULT.name, MULT.fields[1:])}
 
     def _rows(self, name: str, labels: Iterable[str]) -> Iterator[tuple[Any, ...]]:

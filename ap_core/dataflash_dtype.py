@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Layouts of DataFlash records as numpy types, and columns of such records as the values that log readers show.
+"""Layouts of DataFlash records as numpy types, and conversion of columns to the values that log readers show.
 
 Source: AP_Logger/LogStructure.h; values as those of pymavlink's DFReader.
 """
@@ -17,7 +17,7 @@ Records: TypeAlias = npt.NDArray[np.void]
 Column: TypeAlias = npt.NDArray[Any]
 
 HEADER: Final = "(header)"
-"""The field of the three bytes before the values."""
+"""The name of the field of the three header bytes."""
 
 CODES: Final[dict[str, str]] = {
     **dict.fromkeys("bM", "i1"),
@@ -49,8 +49,8 @@ def dtype_of(format: str, labels: Sequence[str]) -> np.dtype[np.void]:
 
     Args:
         format: a character a field.
-        labels: a name a field. Of a name that is there twice the last one counts, as for DFReader; the other field,
-            and one without a name, is called after its number: ``(2)`` is the third one.
+        labels: a name a field. If a name occurs twice, the last field has it, as in DFReader. The other field, or one
+            without a name, is named after its number: ``(2)`` is the third.
 
     Raises:
         ValueError: if a character is unknown.
@@ -66,18 +66,18 @@ def dtype_of(format: str, labels: Sequence[str]) -> np.dtype[np.void]:
 
 
 def record_dtype(structure: LogStructure) -> np.dtype[np.void]:
-    """Return the type of a structure's records, header included: an array of it is the log's bytes."""
+    """Return the numpy type of a structure's records, header included: an array of it has the log's bytes."""
     return dtype_of(structure.format, structure.fields)
 
 
 def shown(column: Column, char: str) -> Column:
-    """Return the values that a log reader shows for a column as stored.
+    """Return the values that a log reader shows for a stored column.
 
-    Integers stay what they are; floats become float64, and so do fields that hold a hundredth or 1e-7 of a unit; texts
-    become str. ``char`` is the format character of the field.
+    Integers stay unchanged; floats become float64, and so do fields in hundredths or 1e-7 of a unit; texts become str.
+    ``char`` is the format character of the field.
     """
     if char in _FLOATS:
-        with np.errstate(invalid="ignore"):  # of a signalling NaN, which damage makes
+        with np.errstate(invalid="ignore"):  # a signalling NaN, which damage can cause, warns
             return column.astype(np.float64)
     if char in _DIVISORS:
         return column / _DIVISORS[char]

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the records of a DataFlash log begin, found without a step for each.
+"""The offsets of the records of a DataFlash log, found without a Python step for each record.
 
-A record is as long as its type says, and the next one follows it; in a damaged log the next header follows of which
-the type is known. So everything that looks like a header has a successor, and in a sound log that is nearly always
-the very next one: only where it is another, because the two bytes of a header came up among values, is a step taken.
+A record's type gives its length, and the next record follows it; in a damaged log the next header of a known type
+follows. So every place that looks like a header has a successor. In a sound log that is nearly always the next such
+place. A step is needed only where it is not, because a header's two bytes occur among values.
 """
 
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ _AT_ONCE: Final = 1 << 24
 
 
 class Lost(NamedTuple):
-    """Bytes of a log that are in no record: where the first one is, from the begin of the log, how many, and why."""
+    """Bytes of a log that are in no record: offset of the first, number and reason."""
 
     offset: int
     size: int
@@ -38,7 +38,7 @@ class Lost(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What an FMT record says of a type; ``format`` has a character a field, ``dtype`` includes the header."""
+    """The layout of a type in an FMT record; ``format`` has a character a field, ``dtype`` includes the header."""
 
     msg_type: int
     name: str
@@ -52,14 +52,14 @@ _FMT_LAYOUT: Final = Layout(FMT.msg_type, FMT.name, FMT.format, FMT.fields, _FMT
 
 @dataclass(frozen=True, slots=True)
 class Formats:
-    """What the FMT records of a log say, by type; ``ill`` says why a type has no layout though it has an FMT."""
+    """The layouts in a log's FMT records, by type; ``ill`` holds why a type with an FMT has no layout."""
 
     layouts: dict[int, Layout]
     ill: dict[int, str]
 
     @property
     def lengths(self) -> Offsets:
-        """The bytes of a record by its type, 0 of a type that is not known."""
+        """The record length in bytes by type, 0 for an unknown type."""
         lengths = np.zeros(256, np.int64)
         for msg_type, layout in self.layouts.items():
             lengths[msg_type] = layout.dtype.itemsize
@@ -67,12 +67,12 @@ class Formats:
 
 
 class Chain(NamedTuple):
-    """The records of a log, in its order.
+    """The records of a log, in log order.
 
     Attributes:
-        begins, ends: of each, from the begin of the log.
-        types: of each.
-        cut_short: where a record begins that the log ends in; the end of the log if there is none.
+        begins, ends: offsets of each record from the start of the log.
+        types: type number of each record.
+        cut_short: offset of a last record that is cut off; the length of the log if there is none.
     """
 
     begins: Offsets
@@ -82,7 +82,7 @@ class Chain(NamedTuple):
 
 
 def rows_at(data: Bytes, offsets: Offsets, dtype: np.dtype[np.void]) -> Records:
-    """Return the records of a type at the given offsets; all have to be within the data."""
+    """Return the records of a type at the given offsets, all of which must be within the data."""
     size = dtype.itemsize
     if not len(offsets):
         return np.empty(0, dtype)
@@ -91,10 +91,10 @@ def rows_at(data: Bytes, offsets: Offsets, dtype: np.dtype[np.void]) -> Records:
 
 
 def scan(data: Bytes) -> tuple[Chain, Formats]:
-    """Find all records of a log, and what its FMT records say.
+    """Find all records of a log, and read its FMT records.
 
-    FMT records anywhere in the log count, as DFReader has it: a log that lost its begin may repeat them later. Of
-    several for one type the last one counts.
+    FMT records anywhere in the log count, as in DFReader: a log that lost its start may repeat them later. The last one
+    of a type counts.
     """
     headers = _headers(data)
     formats, chain = Formats({FMT.msg_type: _FMT_LAYOUT}, {}), None
@@ -113,7 +113,7 @@ def _headers(data: Bytes) -> Offsets:
     if len(data) < HEADER_BYTES:
         return np.zeros(0, np.int64)
     found = []
-    for start in range(0, len(data) - 2, _AT_ONCE):  # or a large log would be in memory twice
+    for start in range(0, len(data) - 2, _AT_ONCE):  # otherwise a large log would be in memory twice
         part = data[start : min(start + _AT_ONCE, len(data) - 2)]
         first: Offsets = np.flatnonzero(part == HEAD_BYTE1) + start
         found.append(first.compress(data[first + 1] == HEAD_BYTE2))
@@ -125,7 +125,7 @@ def _chain(data: Bytes, headers: Offsets, lengths: Offsets) -> Chain:
     begins, sizes = headers[sizes > 0], sizes[sizes > 0]
     ends = begins + sizes
     is_record = np.ones(len(begins), np.bool_)
-    # Where a record reaches over the next header, that one is none.
+    # A header inside another record is not a header.
     overlapping = np.flatnonzero(ends[:-1] > begins[1:])
     successors = np.searchsorted(begins, ends[overlapping])
     reached = 0
@@ -169,7 +169,7 @@ def _text(value: bytes) -> str:
 
 
 def lost_bytes(data: Bytes, chain: Chain, formats: Formats) -> tuple[Lost, ...]:
-    """Return what is in no record, in the order of the log, and why."""
+    """Return the bytes that are in no record, in log order, and why."""
     begins, ends = np.append(chain.begins, chain.cut_short), np.insert(chain.ends, 0, 0)
     gaps = np.flatnonzero(begins > ends)
     lost = [Lost(begin, end - begin, _reason(data, begin, formats)) for begin, end in _pairs(ends[gaps], begins[gaps])]

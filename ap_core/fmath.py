@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scalar float32 functions with the firmware's rounding.
 
-Everything here takes and returns ``numpy.float32``. Transcendental functions come from the C library where that
+All functions take and return ``numpy.float32``. Transcendental functions come from the C library where that
 is glibc, because the firmware's simulator build calls the same ones and parity means the same 32 bits. Elsewhere
 they are computed in binary64 and rounded once, which is within one unit in the last place.
 
@@ -45,7 +45,7 @@ ieee754: Final = np.errstate(all="ignore")
 def load_libm() -> ctypes.CDLL | None:
     """Return glibc's maths library, or None on a platform without glibc."""
     try:
-        return ctypes.PyDLL("libm.so.6")  # its functions are too short to release Python's lock for
+        return ctypes.PyDLL("libm.so.6")  # its functions are too short to be worth a release of Python's lock
     except OSError:
         return None
 
@@ -154,7 +154,7 @@ def constrain_float(
 ) -> np.float32:
     """Clamp ``amt``, testing ``low`` first; NaN gives the midpoint and an internal error.
 
-    ``line`` is where the firmware calls it, which becomes part of the error.
+    ``line`` is the firmware's source line of the call, which becomes part of the error.
 
     Source: AP_Math.cpp, constrain_value_line.
     """

@@ -25,14 +25,14 @@ _DESCRIPTIONS: Final = {
 
 
 class InternalErrorSink(Protocol):
-    """Where internal errors go."""
+    """A receiver of internal errors."""
 
     def __call__(self, error: InternalError, line: int = 0, /) -> None:
-        """Take an error and the line of the firmware's source that raises it, which the firmware reports."""
+        """Record an error and the line of the firmware's source that raises it, which the firmware reports."""
 
 
 class InternalErrors:
-    """Collect internal errors as AP_InternalError does: a mask, a count, the last error and its line."""
+    """Collects internal errors as AP_InternalError does: a mask, a count, the last error and its line."""
 
     def __init__(self) -> None:
         self.mask = 0

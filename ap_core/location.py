@@ -22,7 +22,7 @@ _MIN_LONGITUDE_SCALE: Final = float(_CENTI)
 
 
 def longitude_scale(lat: int) -> float:
-    """Return how much shorter a degree of longitude is than one of latitude, never less than 0.01.
+    """Return the ratio of a degree of longitude to one of latitude, at least 0.01.
 
     The cosine is a float32 one. Source: Location::longitude_scale.
     """
@@ -30,7 +30,7 @@ def longitude_scale(lat: int) -> float:
 
 
 def wrap_longitude(lng: int) -> int:
-    """Bring a longitude that is up to a turn outside back into -180..180 degrees (Location::wrap_longitude)."""
+    """Wrap a longitude, at most one turn outside, to -180..180 degrees (Location::wrap_longitude)."""
     if lng > MAX_LNG:
         lng -= 2 * MAX_LNG
     elif lng < -MAX_LNG:
@@ -45,7 +45,7 @@ def diff_longitude(lng: int, other: int) -> int:
 
 
 def limit_latitude(lat: int) -> int:
-    """Bring a latitude beyond a pole back on the other side of it (Location::limit_lattitude)."""
+    """Reflect a latitude beyond a pole to the other side of it (Location::limit_lattitude)."""
     if lat > MAX_LAT:
         return i32(2 * MAX_LAT - lat)
     return i32(-2 * MAX_LAT - lat) if lat < -MAX_LAT else lat
@@ -75,9 +75,9 @@ class Location:
         return Vector3f(north, float(east) * scale, f32(i32(self.alt_cm - to.alt_cm)) * _CENTI)
 
     def offset(self, ned: Vector3f) -> "Location":
-        """Return the place that lies some metres north, east and down of this one.
+        """Return the location at an offset in metres north, east, down.
 
-        Whatever is not finite, or too far for an integer, gives a place all the same: what x86-64 arrives at.
+        Offsets that are not finite, or too large for an integer, give the location that x86-64 computes.
 
         Source: Location::offset, Location::offset_latlng.
         """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fields of DataFlash records: what each format character stores, and how a value gets there.
+"""Fields of DataFlash records: what each format character stores, and how values are converted.
 
 Source: AP_Logger/LogStructure.h, AP_Logger/AP_Logger_Backend.cpp (Write).
 """
@@ -16,22 +16,22 @@ import numpy as np
 from ap_core.cint import int64_of_float, int_of_float
 
 LogValue = int | float | np.float32 | np.float64 | str | bytes
-"""What a field may be given: integers are raw, floats physical, text and bytes for the text formats."""
+"""Values for fields: integers are raw, floats physical, text and bytes for the text formats."""
 
 Converter = Callable[[LogValue], int | bytes]
 
 
-# Tuples made once: a union written at the call is built again for each value.
+# Tuples made once: a union in the call would be built again for each value.
 _TEXT_TYPES: Final = (str, bytes)
 FLOAT_TYPES: Final = (float, np.floating)
 _I64_LIMIT: Final = 1 << 63
 
 
 def scaled(value: float | np.floating, scale: int) -> float:
-    """Return what an integer field takes of a physical value before it cuts off the rest."""
+    """Return a physical value in an integer field's unit, before truncation."""
     product = float(value) * scale
     if isinstance(value, np.float32) and abs(product) < _I64_LIMIT:
-        return float(np.float32(product))  # exact product rounded once: what a float32 multiplication gives
+        return float(np.float32(product))  # exact product rounded once, as a float32 multiplication
     return product
 
 
@@ -61,7 +61,7 @@ def _floating(code: str) -> Converter:
             return struct.pack("<I", int(value.view(np.uint32)))  # struct would quieten a signalling NaN
         try:
             return packer.pack(value)
-        except (OverflowError, struct.error):  # the second for integers beyond every float
+        except (OverflowError, struct.error):  # the second for integers beyond the range of floats
             return packer.pack(math.inf if value > 0 else -math.inf)
 
     return convert
@@ -106,7 +106,7 @@ FORMATS: Final[dict[str, tuple[str, Converter]]] = {
 """Format character: struct code, converter. Integers arrive reduced to their width, floats as their bytes."""
 
 SCALES: Final[dict[str, int]] = {**dict.fromkeys("cCeE", 100), "L": 10_000_000}
-"""Format character of an integer that holds a physical value: by what it is multiplied."""
+"""Format character of an integer that holds a physical value: its factor."""
 
 DIRECT: Final[dict[str, str]] = {
     **dict.fromkeys("MB", "B"),
@@ -117,5 +117,6 @@ DIRECT: Final[dict[str, str]] = {
     **{char: char for char in "bqQfd"},
     "g": "e",
 }
-"""Format character of a number: the struct code that gives the same bytes for an integer of the field's range, or, in
-a float field, for any number but a NaN and what is too large."""
+"""Format character of a number: the struct code that packs plain numbers to the same bytes.
+
+Plain numbers are integers within the field's range and, in float fields, numbers that fit and are not NaN."""

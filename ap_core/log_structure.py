@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Layouts of DataFlash records, and values turned into the bytes of a record.
+"""Layouts of DataFlash records, and the packing of values into records.
 
 A record is ``A3 95``, the message id and the fields without padding, little endian, in the order of the
 format string. The layouts that every vehicle has, the units and the multipliers are tables at the end;
@@ -31,7 +31,7 @@ _MAX_LENGTH: Final = 255
 _MAX_NAME: Final = 4
 _MAX_FIELDS: Final = 16
 _MAX_LABELS: Final = 64
-_MAX_PLAIN: Final = 1e30  # of what may be packed at once: ten million times as much still is a float32
+_MAX_PLAIN: Final = 1e30  # limit for fast packing: ten million times this value still is a float32
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class LogStructure:
 
     @cached_property
     def _direct(self) -> Callable[..., bytes] | None:
-        """What makes a record of the numbers that are stored; None for a layout that has texts."""
+        """The packer of stored numbers; None for a layout with texts."""
         codes = [DIRECT.get(char) for char in self.format]
         if None in codes:
             return None
@@ -110,15 +110,15 @@ class LogStructure:
         """Return a whole record holding ``values``, one for each field.
 
         Integers are raw, in ``c``, ``C``, ``e``, ``E`` and ``L`` fields too. Floats there are physical values: times
-        100 (``L``: degrees, times 1e7), truncated towards zero; other integer fields truncate them. Whatever does not
-        fit wraps, NaN and infinity convert as on x86-64. ``float32`` values keep their bits in ``f`` fields. Text is
+        100 (``L``: degrees, times 1e7), truncated towards zero; other integer fields truncate them. Values out of range
+        wrap; NaN and infinity convert as on x86-64. ``float32`` values keep their bits in ``f`` fields. Text is
         cut to its field and padded with NUL. Raises ValueError if the number of values is wrong, or text and numbers
         are mixed up.
         """
         direct = self._direct
         if direct is not None:
             try:
-                # All at once, if they are what nearly all records hold: numbers, of which none is large or a NaN.
+                # The usual record is packed at once: numbers, none of them large or NaN.
                 if math.hypot(*values) < _MAX_PLAIN:  # type: ignore[arg-type]  # noqa: TID251  # text is a TypeError
                     return direct(*(self._with_scaled(values) if self._scales else values))
             except (TypeError, IndexError, OverflowError, struct.error):
@@ -126,11 +126,11 @@ class LogStructure:
         return self._pack_each(values)
 
     def _with_scaled(self, values: Sequence[LogValue]) -> list[LogValue]:
-        """Return plain numbers with the floats of integer fields as the integers that are stored, where they fit."""
+        """Return plain numbers, with the floats of integer fields converted to stored integers where they fit."""
         raw = list(values)
         for index, scale, single_scale in self._scales:
             value = raw[index]
-            if type(value) is f32:  # the most frequent
+            if type(value) is f32:  # the most frequent types
                 raw[index] = int(value * single_scale)
             elif type(value) is not int and isinstance(value, FLOAT_TYPES):
                 raw[index] = math.trunc(scaled(value, scale))
@@ -264,4 +264,4 @@ COMMON_STRUCTURES: Final[tuple[LogStructure, ...]] = (
     *(FMT, UNIT, FMTU, MULT, PARM, MSG, MAVC, MODE, AHR2),
     *(ATT, ORGN, POS, DSF, MAV, EV, ARM, ERR, VER),
 )
-"""Layouts that belong to no single library, in the order of the firmware's table."""
+"""Layouts that no single library owns, in the order of the firmware's table."""

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parameter system of ground stations: one flat list over the groups of all objects.
+"""The parameter system as ground stations see it: one flat list over the groups of all objects.
 
 Source: AP_Param/AP_Param.cpp and GCS_MAVLink/GCS_Param.cpp. There is no storage here: ``stored_values`` and
-``load_stored`` carry it over a restart. What the firmware does later on its I/O thread happens at once.
+``load_stored`` carry values over a restart. Work of the firmware's I/O thread happens at once.
 """
 
 import logging
@@ -53,8 +53,8 @@ NO_INDEX: Final = 65535
 class Param:
     """A reading of one parameter.
 
-    ``name`` is spelled as it was asked for, ``canonical_name`` as it is listed. ``value`` is what MAVLink
-    carries, ``raw`` what is stored (an int32 may need more digits than float32 has). ``index`` is NO_INDEX
+    ``name`` has the requested spelling, ``canonical_name`` that of the list. ``value`` is the MAVLink value, ``raw``
+    the stored one (an int32 may need more digits than float32 has). ``index`` is NO_INDEX
     when the parameter was found by name.
     """
 
@@ -89,9 +89,8 @@ class ParamEcho:
 class ParamSet:
     """Result of a PARAM_SET.
 
-    With SET the echoes go to every active link, with READ_ONLY the only one goes to the requester.
-    ``previous`` and ``value`` are the readings before and after; NaN for an unknown parameter and for a whole
-    vector.
+    With SET the echoes go to every active link, with READ_ONLY the single echo goes to the requester.
+    ``previous`` and ``value`` are the values before and after; NaN for an unknown parameter and for a whole vector.
     """
 
     outcome: ParamOutcome
@@ -104,10 +103,10 @@ class ParamTable:
     """All parameters of a vehicle in list order.
 
     Attributes:
-        generation: counts the values stored so far, so that what follows from parameters can be kept until it grows.
-        stored_generation: counts the changes to what a restart has to remember.
-        on_change: what is called after each of them, to forget what follows from parameters and nothing else: others
-            who take parameters over may hear of it later.
+        generation: number of stores so far; values derived from parameters stay valid until it grows.
+        stored_generation: number of changes to the values that persist over a restart.
+        on_change: called after each store. A listener may only discard derived values: other listeners may be called
+            later.
     """
 
     def __init__(self, groups: Sequence[ParamGroup]) -> None:
@@ -157,9 +156,9 @@ class ParamTable:
         return self._param(listing[index], index) if 0 <= index < len(listing) else None
 
     def find(self, name: str) -> Param | None:
-        """Return a parameter by name, listed or not, with the rules of spelling of ParamGroup.match.
+        """Return a parameter by name, listed or not, with the spelling rules of ParamGroup.match.
 
-        A vector's own name gives a FLOAT of value NaN. Source: AP_Param.cpp, find.
+        The name of a vector gives a FLOAT with value NaN. Source: AP_Param.cpp, find.
         """
         match = self._match(name)
         if match is None:
@@ -171,7 +170,7 @@ class ParamTable:
         return self._param(slot, NO_INDEX, name)
 
     def _match(self, name: str) -> tuple[ParamSlot, bool] | None:
-        slot = self._by_name.get(name)  # as nearly all are spelled
+        slot = self._by_name.get(name)  # the usual spelling
         if slot is not None:
             return slot, False
         if not name.isascii():  # the firmware folds the case of ASCII letters only
@@ -229,7 +228,7 @@ class ParamTable:
     def set_from_mavlink(self, name: str, value: float | np.float32) -> ParamSet:
         """Do what a PARAM_SET does, and return what to send (GCS_Param.cpp, handle_param_set).
 
-        The packet's type plays no part, and documented ranges are not enforced.
+        The packet's type is ignored, and documented ranges are not enforced.
         """
         match = self._match(name)
         if match is None:
@@ -273,16 +272,16 @@ class ParamTable:
         return slot.type is not ParamType.INT32 and is_within_hundredth_percent(value, default)
 
     def stored_values(self) -> dict[str, float]:
-        """Return what a restart has to remember, by canonical full name."""
+        """Return the values that persist over a restart, by canonical full name."""
         return {name: value if isinstance(value, int) else float(value) for name, value in self._stored.items()}
 
     def forget_stored(self) -> None:
-        """Let a restart begin with defaults; values stay until then (AP_Param::erase_all)."""
+        """Erase stored values, so that a restart begins with defaults; values stay until then (AP_Param::erase_all)."""
         self.stored_generation += 1
         self._stored.clear()
 
     def load_stored(self, values: Mapping[str, float | np.float32]) -> list[str]:
-        """Take over remembered values at start-up and return the names that no longer exist.
+        """Load stored values at start-up and return the names that no longer exist.
 
         Raises ValueError for a value that its type cannot take.
         """
@@ -297,7 +296,7 @@ class ParamTable:
     def apply_defaults(
         self, values: Mapping[str, float | np.float32], source: str, *, read_only: Collection[str] = ()
     ) -> list[str]:
-        """Apply a defaults file and return the names that nothing answers to.
+        """Apply a defaults file and return the unknown names.
 
         A value becomes the parameter's default, and its value unless one is stored. Of several files the last
         one gives the value and, as in the firmware, the first one the default. FORMAT_VERSION is skipped.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Values computed from parameters, kept until one of them changes: for code of every pass of the main loop."""
+"""Values computed from parameters, cached until a parameter changes, for code that runs in every main loop."""
 
 from collections.abc import Callable, Mapping
 from typing import Generic, TypeVar
@@ -11,10 +11,10 @@ T = TypeVar("T")
 
 
 class FromParams(Generic[T]):
-    """A value that depends on nothing but parameters; call it to get the value.
+    """A cached value that depends on parameters alone; call the object to get the value.
 
     Args:
-        work_out: makes the value; called at first use, and again at the first use after any parameter was stored.
+        work_out: computes the value; called at the first use, and at the first use after any parameter was stored.
     """
 
     def __init__(self, params: ParamTable, work_out: Callable[[], T]) -> None:
@@ -24,7 +24,7 @@ class FromParams(Generic[T]):
         self._value: T
 
     def __call__(self) -> T:
-        """Return the value as the parameters have it now."""
+        """Return the value for the present parameters."""
         if self._generation != self._params.generation:
             self._value = self._work_out()
             self._generation = self._params.generation
@@ -34,11 +34,11 @@ class FromParams(Generic[T]):
 class Numbers(dict[str, float]):
     """Numbers by parameter name, each looked up once until a parameter changes.
 
-    It is a dictionary that fills itself, because a lookup in a dictionary is the fastest.
+    It is a dictionary that fills itself, because a dictionary lookup is fastest.
 
     Args:
-        prefix: what precedes each of the names that are asked for.
-        renamed: what some of the names that are asked for are called instead.
+        prefix: precedes each requested name.
+        renamed: actual names of some requested names.
     """
 
     def __init__(self, params: ParamTable, prefix: str = "", renamed: Mapping[str, str] | None = None) -> None:

@@ -20,7 +20,7 @@ _AXES: Final = ("_X", "_Y", "_Z")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParamSlot:
-    """Where one number lives: a scalar parameter, or one element of a vector."""
+    """The place of one number: a scalar parameter, or one element of a vector."""
 
     group: "ParamGroup" = field(repr=False)
     row: ParamInfo
@@ -39,17 +39,17 @@ class ParamSlot:
 
     @property
     def raw(self) -> ParamValue:
-        """The value as it is stored."""
+        """The stored value."""
         return self.group.values[self.key]
 
     @property
     def value(self) -> np.float32:
-        """The value as MAVLink carries it (AP_Param.cpp, cast_to_float)."""
+        """The value in MAVLink's float32 (AP_Param.cpp, cast_to_float)."""
         return to_f32(self.raw)
 
     @property
     def siblings(self) -> tuple["ParamSlot", ...]:
-        """The slots that are stored together with this one: all of a vector, or itself."""
+        """The slots stored together with this one: all of a vector, or itself."""
         return self.group.slots_of(self.row)
 
 
@@ -73,7 +73,7 @@ class ParamGroup:
         """Build the group with its defaults.
 
         Args:
-            prefix: what precedes the names of the rows, such as ``VISO``.
+            prefix: precedes the names of the rows, such as ``VISO``.
             var_info: the rows, in list order.
             defaults: other defaults for this vehicle, by row name (``_POS_X`` for elements of a vector).
 
@@ -156,7 +156,7 @@ class ParamGroup:
             self.store(name, assigned(value, self._slot(name).type))
 
     def store(self, key: str, value: ParamValue) -> None:
-        """Put a value, already of the parameter's type, where it lives, and call the listeners."""
+        """Store a value, already of the parameter's type, and call the listeners."""
         self.values[key] = value
         for listener in self.on_change:
             listener()
@@ -175,12 +175,12 @@ class ParamGroup:
 
     @property
     def slots(self) -> tuple[ParamSlot, ...]:
-        """Every number of the group, hidden ones included, in list order."""
+        """All slots of the group, hidden ones included, in list order."""
         return tuple(self._slots.values())
 
     @property
     def listed_slots(self) -> tuple[ParamSlot, ...]:
-        """What the parameter list shows at present (AP_Param.cpp, next_group)."""
+        """The slots that the parameter list shows at present (AP_Param.cpp, next_group)."""
         listed = tuple(slot for slot in self.slots if ParamFlag.HIDDEN not in slot.row.flags)
         return listed if self.enabled else listed[:1]
 
@@ -197,8 +197,8 @@ class ParamGroup:
     def match(self, name: str) -> tuple[ParamSlot, bool] | None:
         """Find a full name as the firmware does (AP_Param.cpp, find and find_group).
 
-        The top-level prefix is compared as it is, the rest without regard to case. An element of a vector is
-        found by the row's name as the table spells it and ``_X``, ``_Y`` or ``_Z``; what follows is ignored.
+        The top-level prefix is case-sensitive, the rest is not. An element of a vector is found by the row's name as
+        the table spells it and ``_X``, ``_Y`` or ``_Z``; further characters are ignored.
 
         Returns:
             The slot, and whether the name stands for a whole vector (the slot is then its first element).

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rows of parameter tables: types, flags, metadata, and how numbers become values of a type.
+"""Rows of parameter tables: types, flags, metadata, and the conversion of numbers to a type.
 
 Source: AP_Param/AP_Param.h (ap_var_type, GroupInfo), AP_Param/AP_Param.cpp (set_float), AP_Math/AP_Math.cpp
 (is_equal).
@@ -55,7 +55,7 @@ _NARROW: Final[dict[ParamType, Callable[[int], int]]] = {
 
 
 class ParamFlag(IntFlag):
-    """What sets a row apart."""
+    """Flags of a row."""
 
     NONE = 0
     ENABLE = 1
@@ -68,10 +68,10 @@ class ParamFlag(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class ParamInfo:
-    """One row of a table (AP_Param.h, GroupInfo) with what the documentation says about it.
+    """One row of a table (AP_Param.h, GroupInfo) with its documentation.
 
-    ``name`` is the part that follows the group's prefix. ``range`` and ``values`` inform people; nothing
-    enforces them, as in the firmware. A vector has three defaults.
+    ``name`` follows the group's prefix. ``range`` and ``values`` are documentation; nothing enforces them, as in the
+    firmware. A vector has three defaults.
     """
 
     name: str
@@ -90,11 +90,11 @@ class ParamInfo:
 
 
 ParamValue = int | np.float32
-"""What a scalar holds: int for the integer types, float32 for FLOAT and the elements of a vector."""
+"""The value of a scalar: int for the integer types, float32 for FLOAT and the elements of a vector."""
 
 
 def to_f32(value: float | np.float32) -> np.float32:
-    """Round a number to float32; what is too large becomes infinite, without a warning."""
+    """Round a number to float32; values too large become infinite, without a warning."""
     if -_FLT_MAX <= value <= _FLT_MAX:
         return f32(value)
     with np.errstate(over="ignore"):
@@ -134,6 +134,6 @@ def from_wire(value: np.float32, kind: ParamType) -> ParamValue:
         return value
     v = f32(value - _ROUNDING_ADDITION) if value < 0 else f32(value + _ROUNDING_ADDITION)
     # FIRMWARE PARITY: the firmware's upper limit for INT32 rounds to 2147483648.0, whose conversion C leaves
-    # undefined: INT32_MIN on x86-64, INT32_MAX on the ARM boards. This takes the board's answer.
+    # undefined: INT32_MIN on x86-64, INT32_MAX on the ARM boards. This follows the board.
     limit = 1 << (kind.bits - 1)
     return max(-limit, min(int(v), limit - 1))

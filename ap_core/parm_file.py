@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parameter files (.parm, .param, .params) as ArduPilot reads them and ground stations write them.
 
-Source of the format: AP_Param/AP_Param.cpp, parse_param_line. MAVProxy and Mission Planner write that; QGroundControl
-writes vehicle, component, name, value and type.
+Source of the format: AP_Param/AP_Param.cpp, parse_param_line. MAVProxy and Mission Planner write this format;
+QGroundControl writes vehicle, component, name, value and type.
 """
 
 import re
@@ -25,7 +25,7 @@ _SHOWN_CHARACTERS: Final = 60
 
 
 class ParmFileError(ValueError):
-    """A line of a parameter file that cannot be read; its text is one line that names file and line."""
+    """A line of a parameter file that cannot be read; the text is one line with file name and line number."""
 
     def __init__(self, source: str, line_number: int, text: str, reason: str) -> None:
         super().__init__(f"{source}:{line_number}: {reason}: {text[:_SHOWN_CHARACTERS]!r}")
@@ -48,9 +48,9 @@ class ParmLine:
 def parse_parm(text: str, source: str) -> list[ParmLine]:
     """Read ``NAME value``, ``NAME,value`` and ``NAME=value`` lines with ``#`` comments, in file order.
 
-    Lines of QGroundControl are ``vehicle component NAME value type``; those of other components than the autopilot are
-    passed over. A third word ``@READONLY`` is understood, other words after the value are ignored, as the firmware
-    ignores them. Numbers are decimal, or hexadecimal with 0x. A byte order mark and CR LF line ends do no harm.
+    Lines of QGroundControl are ``vehicle component NAME value type``; those of components other than the autopilot are
+    skipped. A third word ``@READONLY`` marks a parameter read-only, other words after the value are ignored, as in the
+    firmware. Numbers are decimal, or hexadecimal with 0x. A byte order mark and CR LF line ends are accepted.
 
     Args:
         text: the file's contents.
@@ -68,8 +68,8 @@ def _parse_line(line: str, source: str, number: int) -> ParmLine | None:
     words = _WORDS.findall(line.split("#", 1)[0])
     if not words:
         return None
-    # FIRMWARE PARITY: the firmware skips such lines without a word, and reads a bad number as far as it goes
-    # (as 0 when it starts with none). A person who edits a file is better served by an error.
+    # FIRMWARE PARITY: the firmware skips such lines silently, and reads the leading digits of a bad number (0 if there
+    # are none). A person who edits a file is better served by an error.
     if _OF_QGROUNDCONTROL.match(line):
         if words[1] != _AUTOPILOT:
             return None

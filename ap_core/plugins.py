@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tables to which installed distributions add rows, by entry points; read when a table is used, and once."""
+"""Tables to which installed distributions add rows by entry points, which are read once, at the first use."""
 
 import logging
 from collections.abc import Mapping
@@ -14,14 +14,14 @@ _read: dict[str, Mapping[str, Any]] = {}
 
 
 def with_plugins(group: str, own: Mapping[str, _T], kind: type[_T]) -> Mapping[str, _T]:
-    """Return a table with the rows that others add to it.
+    """Return a table with the rows of plug-ins added.
 
-    A row that cannot be loaded, or whose name is taken, is left out with a warning of one line.
+    A row that cannot be loaded, or whose name is taken, is skipped with a warning of one line.
 
     Args:
-        group: of entry points, whose names are those of the rows.
-        own: the rows that are built in.
-        kind: what a row must be.
+        group: group of entry points; their names become the names of the rows.
+        own: the built-in rows.
+        kind: type that a row must have.
     """
     if group not in _read:
         _read[group] = _rows(group, own, kind)
@@ -36,7 +36,7 @@ def _rows(group: str, own: Mapping[str, _T], kind: type[_T]) -> Mapping[str, _T]
             continue
         try:
             row = point.load()
-        except Exception as error:  # whatever its module does
+        except Exception as error:  # a plug-in may raise anything
             _pass_over(point, f"{type(error).__name__}: {error}")
             continue
         if isinstance(row, kind):

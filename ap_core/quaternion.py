@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A float32 quaternion (AP_Math/quaternion.cpp, Quaternion).
 
-Components are (q1, q2, q3, q4) = (w, x, y, z), Hamilton convention. Nothing is normalised on the way in or out.
+Components are (q1, q2, q3, q4) = (w, x, y, z), Hamilton convention. Nothing is normalised on input or output.
 """
 
 import math
@@ -94,7 +94,7 @@ class Quaternion:
         )
 
     def rotate_vector(self, v: Vector3f) -> Vector3f:
-        """Rotate a vector without normalising: a zero quaternion leaves it, a long one stretches it.
+        """Rotate a vector without normalising: a zero quaternion leaves it unchanged, a long one stretches it.
 
         Source: QuaternionT::operator*(const Vector3<T> &).
         """
@@ -114,7 +114,7 @@ class Quaternion:
         return Quaternion(self.q1, -self.q2, -self.q3, -self.q4)
 
     def normalized(self, errors: InternalErrorSink) -> "Quaternion":
-        """Return the same with length 1; a zero one stays, and is an internal error (QuaternionT::normalize)."""
+        """Return the unit quaternion; a zero one stays zero and raises an internal error (QuaternionT::normalize)."""
         q1, q2, q3, q4 = self.q1, self.q2, self.q3, self.q4
         length = sqrtf(q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
         if is_zero(length):
@@ -133,7 +133,7 @@ class Quaternion:
         return safe_asin(_TWO * (self.q1 * self.q3 - self.q4 * self.q2))
 
     def get_euler_yaw(self) -> np.float32:
-        """Return yaw in radians, -pi..pi; worked out once, as several ask for that of a sample."""
+        """Return yaw in radians, -pi..pi; computed once, because a sample's yaw is used several times."""
         if self._yaw is None:
             q1, q2, q3, q4 = self.q1, self.q2, self.q3, self.q4
             self._yaw = atan2f(_TWO * (q1 * q4 + q2 * q3), _ONE - _TWO * (q3 * q3 + q4 * q4))

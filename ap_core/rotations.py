@@ -130,7 +130,7 @@ _WXYZ: Final[dict[int, tuple[float, float, float, float]]] = {
     41: (0.99813479842186692003735970502021, 0, 0.061048539534856872956769535676358, 0),
     42: (_C, _S, 0, 0),
     43: (_C, -_S, 0, 0),
-    # Custom orientations have angles of their own, which are zero unless set.
+    # Custom orientations have their own angles, which are zero unless set.
     101: (1, 0, 0, 0),
     102: (1, 0, 0, 0),
 }
@@ -141,7 +141,7 @@ _F = np.float32
 _Step = Callable[[_F, _F, _F], tuple[_F, _F, _F]]
 
 
-# Those of which others are chained. An orientation that is no chain is written out: some chains give the other sign of
+# Parts of chains. An orientation that the firmware does not chain is written out: some chains give the other sign of
 # zero.
 _LINKS: Final[dict[str, _Step]] = {
     "roll_90": lambda x, y, z: (x, -z, y),
@@ -247,7 +247,7 @@ _STEPS: Final[dict[int, _Step]] = {
 
 
 def rotate_vector(v: Vector3f, rotation: int, errors: InternalErrorSink) -> Vector3f:
-    """Rotate ``v`` by an orientation number; an unknown one leaves it and raises an internal error.
+    """Rotate ``v`` by an orientation number; an unknown one leaves it unchanged and raises an internal error.
 
     Source: vector3.cpp, Vector3<T>::rotate.
     """

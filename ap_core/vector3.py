@@ -18,7 +18,7 @@ class Vector3f:
     __slots__ = ("x", "y", "z")
 
     def __init__(self, x: float | np.float32 = 0.0, y: float | np.float32 = 0.0, z: float | np.float32 = 0.0):
-        # Most are float32 already; to ask costs a tenth of a conversion.
+        # Most are float32 already; the check costs a tenth of a conversion.
         self.x = x if type(x) is f32 else f32(x)
         self.y = y if type(y) is f32 else f32(y)
         self.z = z if type(z) is f32 else f32(z)
@@ -27,7 +27,7 @@ class Vector3f:
         return f"Vector3f({self.x}, {self.y}, {self.z})"
 
     def __eq__(self, other: object) -> bool:
-        # Exact, unlike the firmware's is_equal: the port never compares vectors, only tests do.
+        # Exact, unlike the firmware's is_equal: only tests compare vectors, the port never does.
         return isinstance(other, Vector3f) and self.to_tuple() == other.to_tuple()
 
     def __hash__(self) -> int:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The verdict on a message: what kind it is, and the firmware rule that decided it.
 
-The firmware says nothing about most verdicts; here each has a rule with a code, a sentence and the place
-in the firmware where it is decided.
+The firmware reports few of its decisions; here each verdict has a rule with a code, a sentence and the deciding place
+in the firmware.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from enum import StrEnum
 class VerdictKind(StrEnum):
     """What the autopilot did with a message.
 
-    ACCEPTED: its data was handed to the estimator. IGNORED: it was handled (logged, counted for health) but its data
-    was withheld. DROPPED: it had no effect on external navigation at all. HANDLED: it carries no external
+    ACCEPTED: its data went to the estimator. IGNORED: it was handled (logged, counted for health) but its data
+        was not passed on. DROPPED: it had no effect on external navigation at all. HANDLED: it carries no external
     navigation data and was processed.
     """
 
@@ -23,7 +23,7 @@ class VerdictKind(StrEnum):
     DROPPED = "dropped"
     HANDLED = "handled"
 
-    __hash__ = str.__hash__  # they are counted by the million, and an enum's own takes a call
+    __hash__ = str.__hash__  # hashed millions of times, and an enum's own hash takes a call
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,5 +53,5 @@ class Verdict:
 
 
 def dropped(code: str, text: str, source: str) -> Verdict:
-    """Return the verdict on a message that has no effect, from what its rule holds."""
+    """Return the DROPPED verdict of a rule with this code, text and source."""
     return Verdict(VerdictKind.DROPPED, Rule(code, text, source))
