@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The frontend: parameters, the choice of a backend, and what the vehicle calls (AP_VisualOdom/AP_VisualOdom.cpp)."""
+"""The frontend: parameters, the choice of a backend, and the calls of the vehicle (AP_VisualOdom/AP_VisualOdom.cpp)."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -38,16 +38,16 @@ def make_params() -> ParamGroup:
 
 
 class AP_VisualOdom:
-    """External navigation as the vehicle sees it: one frontend, and at most one backend chosen at boot.
+    """The frontend of external navigation, with at most one backend, which is chosen at boot.
 
     Args:
-        params: the VISO_ parameters, of this one alone; what is stored counts from the next use on.
+        params: the VISO_ parameters, not shared with another frontend; a stored value takes effect at the next use.
         ahrs: receiver of the data, and reference for alignment and the pre-arm check.
-        gcs: where texts go.
-        logger: where log records go.
+        gcs: receiver of texts.
+        logger: receiver of log records.
         clock: time since boot.
-        errors: where internal errors go.
-        release: which release to be, where they differ.
+        errors: receiver of internal errors.
+        release: the behaviour where releases differ.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class AP_VisualOdom:
         params.on_change.append(self._read_params)
 
     def _read_params(self) -> None:
-        """Take over the parameters, whenever one was stored; the getters are called some ten times a sample."""
+        """Read the parameters after one was stored; caching pays because a sample calls about ten getters."""
         params = self.params
         self._type = params.get_int("_TYPE")
         self._orientation = u8(params.get_int("_ORIENT"))
@@ -87,7 +87,7 @@ class AP_VisualOdom:
 
     def init(self) -> None:
         """Create the backend that VISO_TYPE names; an unknown number creates none (AP_VisualOdom::init)."""
-        make = BACKENDS.get(self.get_type())  # type: ignore[call-overload]  # any int8 may be asked for
+        make = BACKENDS.get(self.get_type())  # type: ignore[call-overload]  # any int8 may be stored
         self._driver = make(self) if make is not None else None
 
     def enabled(self) -> bool:
@@ -148,7 +148,7 @@ class AP_VisualOdom:
     def handle_vision_position_delta_msg(
         self, time_delta_usec: int, angle_delta: Vector3f, position_delta: Vector3f, confidence: np.float32
     ) -> Verdict:
-        """Take the fields of VISION_POSITION_DELTA: us, rad, m, 0..100.
+        """Handle the fields of VISION_POSITION_DELTA: us, rad, m, 0..100.
 
         Source: AP_VisualOdom::handle_vision_position_delta_msg.
         """
@@ -169,7 +169,7 @@ class AP_VisualOdom:
         reset_counter: int,
         quality: int,
     ) -> Verdict:
-        """Take a position (m) and roll, pitch, yaw (rad).
+        """Handle a position (m) and roll, pitch, yaw (rad).
 
         Source: AP_VisualOdom::handle_pose_estimate, the overload with Euler angles.
         """
@@ -193,7 +193,7 @@ class AP_VisualOdom:
         reset_counter: int,
         quality: int,
     ) -> Verdict:
-        """Take a position (m) and attitude with their errors (m, rad).
+        """Handle a position (m) and attitude with their errors (m, rad).
 
         Args:
             remote_time_us: the sender's time stamp, logged as it is.
@@ -224,20 +224,20 @@ class AP_VisualOdom:
         quality: int,
         vel_err: np.float32 = NO_ERR,
     ) -> Verdict:
-        """Take a velocity in m/s NED and its error, 0 for unknown (AP_VisualOdom::handle_vision_speed_estimate)."""
+        """Handle a velocity in m/s NED and its error, 0 for unknown (AP_VisualOdom::handle_vision_speed_estimate)."""
         driver = self._active_driver()
         if driver is None:
             return self._refusal()
         return driver.handle_vision_speed_estimate(remote_time_us, time_ms, vel, reset_counter, quality, vel_err)
 
     def request_align_yaw_to_ahrs(self) -> None:
-        """Ask for yaw alignment at the next pose (AP_VisualOdom::request_align_yaw_to_ahrs)."""
+        """Request yaw alignment at the next pose (AP_VisualOdom::request_align_yaw_to_ahrs)."""
         driver = self._active_driver()
         if driver is not None:
             driver.request_align_yaw_to_ahrs()
 
     def align_position_to_ahrs(self, align_xy: bool, align_z: bool) -> None:
-        """Ask for position alignment at the next pose, while another source gives the position.
+        """Request position alignment at the next pose, while another source gives the position.
 
         Source: AP_VisualOdom::align_position_to_ahrs.
         """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all backends share (AP_VisualOdom/AP_VisualOdom_Backend.cpp)."""
+"""The base class of all backends (AP_VisualOdom/AP_VisualOdom_Backend.cpp)."""
 
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Final
@@ -54,7 +54,7 @@ class AP_VisualOdom_Backend(ABC):
     def handle_vision_position_delta_msg(
         self, time_delta_usec: int, angle_delta: Vector3f, position_delta: Vector3f, confidence: np.float32
     ) -> Verdict:
-        """Take a VISION_POSITION_DELTA: rad and m in the camera's body frame over ``time_delta_usec``.
+        """Handle a VISION_POSITION_DELTA: rad and m in the camera's body frame over ``time_delta_usec``.
 
         No gate applies, and quality is neither read nor changed.
         Source: AP_VisualOdom_Backend::handle_vision_position_delta_msg.
@@ -91,7 +91,7 @@ class AP_VisualOdom_Backend(ABC):
         reset_counter: int,
         quality: int,
     ) -> Verdict:
-        """Take a position (m) and attitude with their errors (m, rad)."""
+        """Handle a position (m) and attitude with their errors (m, rad)."""
 
     @abstractmethod
     def handle_vision_speed_estimate(
@@ -103,24 +103,24 @@ class AP_VisualOdom_Backend(ABC):
         quality: int,
         vel_err: np.float32 = NO_ERR,
     ) -> Verdict:
-        """Take a velocity in m/s NED and its error, 0 for unknown."""
+        """Handle a velocity in m/s NED and its error, 0 for unknown."""
 
     def request_align_yaw_to_ahrs(self) -> None:  # noqa: B027  # the firmware's default does nothing
-        """Ask for yaw alignment at the next pose; nothing to do by default."""
+        """Request yaw alignment at the next pose; does nothing by default."""
 
     def align_position_to_ahrs(self, align_xy: bool, align_z: bool) -> None:  # noqa: B027  # as above
-        """Ask for position alignment at the next pose; nothing to do by default."""
+        """Request position alignment at the next pose; does nothing by default."""
 
     def pre_arm_check(self) -> str | None:
         """Return the text of a failed check, or None; no check by default."""
         return None
 
     def get_type(self) -> int:
-        """Return VISO_TYPE as it is now (AP_VisualOdom_Backend::get_type)."""
+        """Return the present VISO_TYPE (AP_VisualOdom_Backend::get_type)."""
         return self._frontend.get_type()
 
     def get_reset_timestamp_ms(self, reset_counter: int) -> int:
-        """Return the time of the last reset in ms, noting now when the counter differs from the last one.
+        """Return the time of the last reset in ms; a changed counter sets it to now.
 
         Source: AP_VisualOdom_Backend::get_reset_timestamp_ms.
         """

@@ -32,7 +32,8 @@ _VOXL: Final = int(VisualOdom_Type.VOXL)
 class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
     """Aligns the camera's yaw, and on request its position, with the vehicle's before passing samples on.
 
-    After a change of the reset counter the T265 is ignored for a second; VOXL is re-aligned at once instead.
+    After a change of the reset counter, samples of a T265 are ignored for a second; a VOXL is re-aligned at once
+    instead.
     """
 
     def __init__(self, frontend: "AP_VisualOdom") -> None:
@@ -65,7 +66,7 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         reset_counter: int,
         quality: int,
     ) -> Verdict:
-        """Take a position (m) and attitude with their errors (m, rad).
+        """Handle a position (m) and attitude with their errors (m, rad).
 
         Source: AP_VisualOdom_IntelT265::handle_pose_estimate.
         """
@@ -120,7 +121,7 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         quality: int,
         vel_err: np.float32 = NO_ERR,
     ) -> Verdict:
-        """Take a velocity in m/s NED of the camera's frame, turned into the vehicle's; its error counts for nothing.
+        """Handle a velocity in m/s in the camera's frame, which is rotated into NED; its error is ignored.
 
         Source: AP_VisualOdom_IntelT265::handle_vision_speed_estimate.
         """
@@ -144,13 +145,13 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         return CONSUMED if self._quality >= self._frontend.get_quality_min() else QUALITY_BELOW_MIN
 
     def rotate_and_correct_position(self, position: Vector3f) -> Vector3f:
-        """Return the position turned and shifted into the vehicle's frame."""
+        """Return the position rotated and shifted into the vehicle's frame."""
         if self._use_posvel_rotation:
             position = self._posvel_rotation * position
         return position + self._pos_correction
 
     def rotate_velocity(self, velocity: Vector3f) -> Vector3f:
-        """Return the velocity turned into the vehicle's frame."""
+        """Return the velocity rotated into the vehicle's frame."""
         return self._posvel_rotation * velocity if self._use_posvel_rotation else velocity
 
     def rotate_attitude(self, attitude: Quaternion) -> Quaternion:
@@ -166,14 +167,14 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         self._align_yaw = True
 
     def align_position_to_ahrs(self, align_xy: bool, align_z: bool) -> None:
-        """Align position at the next pose, if the release does; overwrites an earlier request.
+        """Align position at the next pose, on the release's axes; overwrites an earlier request.
 
         Source: AP_VisualOdom_IntelT265.h, align_position_to_ahrs(bool, bool).
         """
         self._align_posxy, self._align_posz = self._frontend.release.axes_to_align(align_xy, align_z)
 
     def align_yaw_to_ahrs(self, position: Vector3f, attitude: Quaternion) -> bool:
-        """Align yaw with the AHRS, unless it is our own yaw that the AHRS follows or it has none yet.
+        """Align yaw with the AHRS, unless the AHRS takes its yaw from external navigation or has none yet.
 
         Source: AP_VisualOdom_IntelT265::align_yaw_to_ahrs.
         """
@@ -185,7 +186,7 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         return True
 
     def align_yaw(self, position: Vector3f, attitude: Quaternion, yaw_rad: np.float32) -> None:
-        """Turn the camera's frame so that ``attitude`` has the given yaw, without moving ``position``.
+        """Rotate the camera's frame so that ``attitude`` has the given yaw, without moving ``position``.
 
         Source: AP_VisualOdom_IntelT265::align_yaw.
         """
@@ -261,7 +262,7 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         return None
 
     def should_consume_sensor_data(self, vision_position_estimate: bool, reset_counter: int) -> bool:
-        """Return whether samples may be used; a T265's are not for a second after its position was reset.
+        """Return whether samples may be used; those of a T265 may not for a second after a position reset.
 
         Source: AP_VisualOdom_IntelT265::should_consume_sensor_data.
         """
@@ -276,7 +277,7 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
         return self._pos_reset_ignore_start_ms == 0
 
     def record_voxl_position_and_reset_count(self, position: Vector3f, reset_counter: int) -> None:
-        """Remember where a VOXL camera was, corrected, and its reset counter."""
+        """Store a VOXL camera's corrected position and its reset counter."""
         if self.get_type() == _VOXL:
             self._voxl_position_last = position
             self._voxl_reset_counter_last = reset_counter

@@ -13,7 +13,7 @@ from ap_visualodom.verdicts import CONSUMED, QUALITY_BELOW_MIN
 
 
 class AP_VisualOdom_MAV(AP_VisualOdom_Backend):
-    """Passes samples on as they are: scaled, with errors clamped, gated on quality alone."""
+    """Passes samples on without alignment: scaled, with errors clamped, gated on quality alone."""
 
     def handle_pose_estimate(
         self,
@@ -26,7 +26,7 @@ class AP_VisualOdom_MAV(AP_VisualOdom_Backend):
         reset_counter: int,
         quality: int,
     ) -> Verdict:
-        """Take a position (m) and attitude with their errors (m, rad).
+        """Handle a position (m) and attitude with their errors (m, rad).
 
         Source: AP_VisualOdom_MAV::handle_pose_estimate.
         """
@@ -65,7 +65,7 @@ class AP_VisualOdom_MAV(AP_VisualOdom_Backend):
         quality: int,
         vel_err: np.float32 = NO_ERR,
     ) -> Verdict:
-        """Take a velocity in m/s NED, which is not scaled, and its error.
+        """Handle a velocity in m/s NED, which is not scaled, and its error.
 
         Source: AP_VisualOdom_MAV::handle_vision_speed_estimate.
         """

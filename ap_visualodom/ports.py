@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What AP_VisualOdom asks of the rest of the vehicle.
+"""The interfaces that AP_VisualOdom needs from the rest of the vehicle.
 
-The firmware reaches these through singletons (AP::ahrs(), gcs(), AP::logger()); here they are handed in. Method names
-are the firmware's.
+The firmware uses singletons (AP::ahrs(), gcs(), AP::logger()); here they are constructor arguments. Method names are
+the firmware's.
 """
 
 from typing import Protocol
@@ -48,10 +48,10 @@ class Ahrs(Protocol):
         delay_ms: int,
         resetTime_ms: int,
     ) -> None:
-        """Take a position (m, NED), an attitude and their errors (m, rad); times in ms since boot."""
+        """Use a position (m, NED), an attitude and their errors (m, rad); times in ms since boot."""
 
     def writeExtNavVelData(self, vel: Vector3f, err: np.float32, timeStamp_ms: int, delay_ms: int) -> None:
-        """Take a velocity (m/s, NED) and its error (m/s)."""
+        """Use a velocity (m/s, NED) and its error (m/s)."""
 
     def writeBodyFrameOdom(
         self,
@@ -63,4 +63,4 @@ class Ahrs(Protocol):
         delay_ms: int,
         posOffset: Vector3f,
     ) -> None:
-        """Take a change of position (m) and angle (rad) in the body frame over ``delTime`` seconds."""
+        """Use a change of position (m) and angle (rad) in the body frame over ``delTime`` seconds."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where releases of AP_VisualOdom differ: one strategy for each such place, and which of them a release has."""
+"""The differences between releases of AP_VisualOdom: one function for each behaviour, and each release's choice."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ import numpy as np
 from ap_core.vector3 import Vector3f
 
 Axes = tuple[bool, bool]
-"""Whether something concerns the horizontal axes, and whether the vertical one."""
+"""Whether the horizontal axes are included, and whether the vertical one is."""
 
 
 def axes_requested(align_xy: bool, align_z: bool) -> Axes:
-    """Return the axes of a request to align position: all that it names.
+    """Return all axes that a request to align position names.
 
     Source: AP_VisualOdom_IntelT265.h, align_position_to_ahrs(bool, bool).
     """
@@ -23,7 +23,7 @@ def axes_requested(align_xy: bool, align_z: bool) -> Axes:
 
 
 def no_axes(_align_xy: bool, _align_z: bool) -> Axes:
-    """Return no axes, whatever a request names: the base class has the code, and nothing sets its flags.
+    """Return no axes: the base class has the code for alignment, but nothing sets its flags.
 
     Source: AP_VisualOdom_Backend.cpp, align_position_to_ahrs.
     """
@@ -31,12 +31,12 @@ def no_axes(_align_xy: bool, _align_z: bool) -> Axes:
 
 
 def position_as_scaled(position: Vector3f) -> Vector3f:
-    """Return the MAV backend's position as it is (AP_VisualOdom_MAV::handle_pose_estimate)."""
+    """Return the MAV backend's position unchanged (AP_VisualOdom_MAV::handle_pose_estimate)."""
     return position
 
 
 def position_with_correction(position: Vector3f) -> Vector3f:
-    """Return the MAV backend's position plus a correction that always is zero: a negative zero becomes positive.
+    """Return the MAV backend's position plus a correction that is always zero: a negative zero becomes positive.
 
     Source: AP_VisualOdom_MAV::handle_pose_estimate, with the correction of the base class.
     """
@@ -44,12 +44,12 @@ def position_with_correction(position: Vector3f) -> Vector3f:
 
 
 def vel_err_of_parameter(_vel_err: np.float32, vel_noise: np.float32, _consume: bool) -> np.float32:
-    """Return VISO_VEL_M_NSE, whatever error came with a velocity."""
+    """Return VISO_VEL_M_NSE; the velocity's own error is ignored."""
     return vel_noise
 
 
 def vel_err_of_message(vel_err: np.float32, vel_noise: np.float32, consume: bool) -> np.float32:
-    """Return the error that came with a velocity, at least VISO_VEL_M_NSE if the velocity is used.
+    """Return the velocity's own error, at least VISO_VEL_M_NSE if the velocity is used.
 
     Source: AP_VisualOdom_MAV::handle_vision_speed_estimate, April 2026. NaN counts as less than any number.
     """
@@ -58,14 +58,14 @@ def vel_err_of_message(vel_err: np.float32, vel_noise: np.float32, consume: bool
 
 @dataclass(frozen=True, slots=True)
 class VisualOdomRelease:
-    """What a release does.
+    """The behaviour of a release.
 
     Attributes:
-        axes_to_align: takes the axes of a request to align position, returns those that are aligned at the next pose;
-            of the T265 and VOXL backend, as the MAV backend aligns in no release.
-        mav_position: takes a scaled position (m) of the MAV backend, returns what is made of it.
+        axes_to_align: takes the axes of a request to align position, returns those aligned at the next pose. T265 and
+            VOXL only; the MAV backend never aligns.
+        mav_position: takes a scaled position (m) of the MAV backend, returns the position to pass on.
         mav_vel_err: takes the error of a velocity (m/s), VISO_VEL_M_NSE and whether the MAV backend uses the velocity;
-            returns the error that it goes with.
+            returns the error to pass on.
     """
 
     axes_to_align: Callable[[bool, bool], Axes]

@@ -11,7 +11,7 @@ GROUP_PREFIX: Final = "VISO"
 
 
 class VisualOdom_Type(IntEnum):
-    """Which backend receives external navigation: the values of VISO_TYPE (AP_VisualOdom.h)."""
+    """The backend that receives external navigation: the values of VISO_TYPE (AP_VisualOdom.h)."""
 
     NONE = 0
     MAV = 1
