@@ -86,3 +86,4 @@ VAR_INFO: Final = (
         range=(-1, 100),
     ),
 )
+"""In the firmware's order; ``AP_VisualOdom._read_params`` reads their values."""

@@ -192,7 +192,7 @@ ALL_VERDICTS: Final = (
     SETUP_WHILE_ARMED,
     KEY_NOT_SAVED,
 )
-"""Every verdict that a message can get."""
+"""Every verdict that a message can get, in the order in which they are defined."""
 
 BAD_DATA_VERDICTS: Final[Mapping[Defect | Refusal, Verdict]] = {
     Defect.PREFIX: BAD_PREFIX,

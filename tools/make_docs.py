@@ -610,7 +610,8 @@ def main(arguments: list[str]) -> int:
         before = path.read_text(encoding="utf-8")
         after = refresh(before)
         if after != before:
-            print(f"{path.relative_to(DOCS.parent)}: {'stale, run tools/make_docs.py' if is_check else 'rewritten'}")
+            news = "stale, run .venv/bin/python tools/make_docs.py" if is_check else "rewritten"
+            print(f"{path.relative_to(DOCS.parent)}: {news}")
             if is_check:
                 code = 1
             else:

@@ -213,7 +213,7 @@ def main(arguments: list[str]) -> int:
     if TARGET.read_text(encoding="utf-8") == source():
         return 0
     if "--check" in arguments:
-        print(f"{TARGET}: stale, run tools/make_messages.py")
+        print(f"{TARGET}: stale, run .venv/bin/python tools/make_messages.py")
         return 1
     TARGET.write_text(source(), encoding="utf-8")
     print(f"{TARGET}: rewritten")

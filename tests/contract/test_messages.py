@@ -148,7 +148,8 @@ def encoded(cls: type[Message]) -> bytes:
 
 
 def test_every_message_is_either_handled_or_ignored() -> None:
-    assert {cls.__name__ for cls in (*HANDLERS, *IGNORED)} == set(MESSAGES)
+    listed = {cls.__name__ for cls in (*HANDLERS, *IGNORED)}
+    assert listed == set(MESSAGES), "each message has a row in HANDLERS, or its name in IGNORED here"
     assert set(HANDLERS).isdisjoint(IGNORED)
 
 

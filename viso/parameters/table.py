@@ -3,7 +3,7 @@
 """The vehicle's own parameters, in the order in which a Copter lists them.
 
 Types, defaults and order: ArduCopter/Parameters.cpp, AP_Vehicle/AP_Vehicle.cpp and the ``var_info`` tables of
-AP_Stats, AP_Logger, AP_SerialManager and GCS_MAVLink. ``copter``, ``sensors`` and ``ekf3`` hold the others,
+AP_Stats, AP_Logger, AP_SerialManager and GCS_MAVLink. ``copter``, ``sensors``, ``ekf3`` and ``flying`` hold the others,
 ``releases`` those that depend on the release; AP_VisualOdom brings its own.
 
 The firmware's count of SERIALn_ differs by board. Here there are those that every flight board has: USB and two

@@ -16,7 +16,7 @@ def test_codes_are_unique_among_all_rules() -> None:
 
 def test_none_is_left_out() -> None:
     named = [value for module in (port, endpoint) for value in vars(module).values() if isinstance(value, Verdict)]
-    assert list(ALL_VERDICTS) == named
+    assert list(ALL_VERDICTS) == named, "ALL_VERDICTS lists each verdict, in the order in which they are defined"
 
 
 def test_all_other_rules_drop_the_message() -> None:

@@ -28,7 +28,7 @@ def test_stale_file_is_found_and_written_again(
     copy.write_text("")
     monkeypatch.setattr("tools.make_messages.TARGET", copy)
     assert main(["--check"]) == 1
-    assert "stale, run tools/make_messages.py" in capsys.readouterr().out
+    assert "stale, run .venv/bin/python tools/make_messages.py" in capsys.readouterr().out
     assert main([]) == 0
     assert copy.read_bytes() == TARGET.read_bytes()
 
