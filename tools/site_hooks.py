@@ -54,10 +54,7 @@ class Docstrings(griffe.Extension):
     """Reads our classes as we write them."""
 
     def on_class_instance(self, *, cls: griffe.Class, **_: Any) -> None:
-        """Show the fields of a message, whose decorator makes a dataclass of it, and each of fields with one text."""
-        for made in [one for one in cls.decorators if str(one.value) == "message"]:
-            expression = griffe.ExprName("dataclasses.dataclass")
-            cls.decorators.append(griffe.Decorator(expression, lineno=made.lineno, endlineno=made.endlineno))
+        """Show each of several fields that a docstring describes by one text."""
         if cls.docstring:
             cls.docstring.value = _ENTRY.sub(_one_each, cls.docstring.value)
 
