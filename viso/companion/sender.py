@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The companion computer as a MAVLink component: what it sends and when, by its own clock."""
+"""The companion computer as a MAVLink component: its messages and their times, by its own clock."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ class OffsetClock:
     """A clock with its own epoch and its own rate.
 
     Attributes:
-        offset_us: what it shows when the autopilot boots.
+        offset_us: its time when the autopilot boots.
         drift_ppm: how much faster it runs, in parts per million.
     """
 
@@ -30,7 +30,7 @@ class OffsetClock:
     drift_ppm: float = 0.0
 
     def time_us(self, true_us: int) -> int:
-        """Return what it shows ``true_us`` after the autopilot's boot."""
+        """Return its time ``true_us`` after the autopilot's boot."""
         return self.offset_us + true_us + int(true_us * self.drift_ppm * 1e-6)
 
 
@@ -48,14 +48,14 @@ def next_due_us(due_us: int, period_us: int, now_us: int) -> int:
 class MavlinkSender(Codec):
     """The companion's end of MAVLink without a link: a codec that counts messages, and has a heartbeat each second.
 
-    What a late call has missed is not made up for.
+    Messages missed by a late call are skipped.
 
     Args:
         system_id, component_id: of outgoing frames.
         start_us: when the first heartbeat is due.
 
     Attributes:
-        sent: how many messages of which kind were encoded.
+        sent: number of encoded messages by kind.
         heartbeat_us: when the next heartbeat is due.
     """
 
@@ -87,7 +87,7 @@ class MavlinkSender(Codec):
         self.heartbeats(until_us - 1)
 
     def received(self, data: bytes) -> Iterator[Received | BadData]:
-        """Take in bytes; yield what is whole."""
+        """Add received bytes; yield the whole messages."""
         self.feed(data)
         while (received := self.next_received()) is not None:
             yield received
@@ -125,7 +125,7 @@ class Companion:
         return min(self._next_frame_us + self._latency_us, self._mavlink.heartbeat_us)
 
     def run(self, now_us: int) -> None:
-        """Send what is due by ``now_us`` and take in what has arrived."""
+        """Send messages due by ``now_us`` and handle arrivals."""
         for heartbeat in self._mavlink.heartbeats(now_us):
             self.send(heartbeat)
         while self._next_frame_us + self._latency_us <= now_us:

@@ -27,15 +27,15 @@ class Span:
 
 @dataclass(frozen=True)
 class CameraFaults:
-    """What goes wrong.
+    """The faults of a simulated camera.
 
     Attributes:
         reset_s: when the camera loses its map and starts another; None for never.
-        reset_jump_m: how far its position jumps then, in its own frame.
+        reset_jump_m: jump of its position then, in its own frame.
         low_quality: when it reports a quality of ``low_quality_percent``.
         dropout: when it reports nothing.
-        mismatch: when it takes its place for another one, without noticing.
-        mismatch_m: how far that is from the right one, in its own frame.
+        mismatch: when it reports a wrong position as if it were right.
+        mismatch_m: offset of that position, in its own frame.
     """
 
     reset_s: float | None = None

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The process of an engine: started, sent frames, waited for within a time, and never left behind.
+"""The process of an engine: start, exchange of messages within a time limit, and a safe end.
 
-It has a process group of its own, which is killed when the engine fails, is closed, is forgotten, or this program ends;
-where this program is killed, the engine's input ends. Pictures lie in memory without a name, which goes with the last
-who has it. Nothing here waits without a limit.
+The process has its own process group, which is killed when the engine fails or is closed, or this program ends. If this
+program is killed, the engine's input ends. Pictures lie in anonymous shared memory, which the system frees after its
+last user. Every wait has a limit.
 """
 
 import contextlib
@@ -25,12 +25,12 @@ from viso.companion.engine.protocol import FROM_ENGINE, Decoder, Failure, Log, M
 
 READ_BYTES: Final = 65536
 MOST_MESSAGES: Final = 1000
-"""Ahead of an answer: more of them are a flood."""
+"""The most messages before an answer; more are treated as a flood."""
 MOST_LINES: Final = 50
-"""Of standard error in an exchange; more of them are counted only."""
+"""The most lines of standard error logged per exchange; further lines are only counted."""
 MOST_COLUMNS: Final = 300
 EXIT_S: Final = 0.2
-"""How long to wait for the exit code of one that closed its output, and for one whose input has ended."""
+"""The longest wait for the exit of a process that closed its output or whose input has ended."""
 
 
 class EngineFailure(Exception):
@@ -86,34 +86,34 @@ class EngineChild:
 
     @property
     def pid(self) -> int:
-        """Its process, which leads a group."""
+        """The id of its process, which leads a process group."""
         return self._process.pid
 
     @property
     def dropped_lines(self) -> int:
-        """How many lines of standard error were too many."""
+        """The number of lines of standard error that were not logged."""
         return self._lines.dropped
 
     def share(self, size: int) -> SharedMemory | None:
-        """Give the shared memory its size in bytes, once and for all; return the message about it, None without any."""
+        """Set the size of the shared memory in bytes, once; return the message about it, None without such memory."""
         if self._memory_fd is None:
             return None
         os.ftruncate(self._memory_fd, size)
-        # What the engine cut off would be a bus error here.
+        # If the engine truncated the memory, a write would be a bus error here.
         fcntl.fcntl(self._memory_fd, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL)
         self._memory = mmap.mmap(self._memory_fd, size)
         return SharedMemory(size=size, descriptor=self._memory_fd, zero=0)
 
     def put(self, pixels: bytes) -> None:
-        """Write to the begin of the shared memory."""
+        """Write to the start of the shared memory."""
         assert self._memory is not None
         self._memory[: len(pixels)] = pixels
 
     def exchange(self, frames: Iterable[bytes], until: type[M], timeout_s: float) -> tuple[list[Message], M]:
-        """Send frames, and return what comes up to an answer, and that.
+        """Send frames, and return the messages before the answer, and the answer.
 
         Raises:
-            EngineFailure: if it does not come within the time, or something else than a message.
+            EngineFailure: if the answer does not come in time, or the output is not a message.
         """
         deadline_s = time.monotonic() + timeout_s
         pending, before = memoryview(b"".join(frames)), list[Message]()
@@ -142,7 +142,7 @@ class EngineChild:
             raise EngineFailure("protocol_errors", f"more than {MOST_MESSAGES} messages at once")
 
     def _step(self, pending: memoryview, wait_s: float) -> memoryview:
-        """Wait until something can be read or written, and do that; return what is still to be written."""
+        """Wait until something can be read or written, and do it; return the bytes still to be written."""
         poll = select.poll()
         poll.register(self._stdout, select.POLLIN)
         poll.register(self._stderr, select.POLLIN if self._lines.is_open else 0)
@@ -186,10 +186,10 @@ class EngineChild:
         return f"ended by signal {-code} ({name}){last}" if code < 0 else f"ended with exit code {code}{last}"
 
     def close(self, *, grace_s: float = EXIT_S) -> None:
-        """End the process and all that it has started.
+        """End the process and its children.
 
         Args:
-            grace_s: how long it may take to end by itself once its input has ended.
+            grace_s: the longest wait for its own exit after its input has ended.
         """
         if self._end.alive and grace_s > 0 and self._process.returncode is None:
             cast(IO[bytes], self._process.stdin).close()
@@ -202,18 +202,18 @@ class EngineChild:
 
 
 class _Lines:
-    """Makes lines of standard error, no more than can be read."""
+    """Splits standard error into lines, and limits their number."""
 
     def __init__(self, on_line: Callable[[str], object]) -> None:
         self._on_line, self._rest, self._logged = on_line, b"", 0
         self.is_open, self.last, self.dropped = True, "", 0
 
     def begin(self) -> None:
-        """Let lines be logged again."""
+        """Reset the limit on logged lines."""
         self._logged = 0
 
     def take(self, data: bytes) -> None:
-        """Take bytes; none are the end."""
+        """Add bytes; empty bytes mark the end."""
         self.is_open = bool(data)
         *lines, rest = (self._rest + (data or b"\n")).split(b"\n")
         self._rest = rest[:MOST_COLUMNS]
@@ -233,7 +233,7 @@ def _one_line(data: bytes) -> str:
 
 
 def _memory_fd() -> int | None:
-    """Return memory without a name, None where the system has none."""
+    """Return the descriptor of anonymous memory, or None if the system does not support it."""
     if not hasattr(os, "memfd_create"):
         return None
     try:
@@ -248,7 +248,7 @@ def _close_fd(fd: int | None) -> None:
 
 
 def _end(process: "subprocess.Popen[bytes]", memory_fd: int | None) -> None:
-    with contextlib.suppress(ProcessLookupError, PermissionError):  # its group may live on without it
+    with contextlib.suppress(ProcessLookupError, PermissionError):  # its children may outlive it
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     for pipe in (process.stdin, process.stdout, process.stderr):

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A base for engines in Python that are programs, as ``viso_engine.hpp`` is for those in C++.
+"""A base for engine programs in Python, as ``viso_engine.hpp`` is for those in C++.
 
-``raise SystemExit(run(MyEngine()))`` is such a program. What it prints goes into viso's log.
+``raise SystemExit(run(MyEngine()))`` is such a program. Its prints go to viso's log.
 """
 
 import mmap
@@ -47,13 +47,13 @@ _READ_BYTES: Final = 1 << 20
 
 
 class EngineProgram(ABC):
-    """An engine; whatever it raises ends the program, and viso logs it.
+    """An engine; an exception ends the program and appears in viso's log.
 
     Attributes:
         name: ASCII, at most 63 letters.
         capabilities: what it can do.
-        image_width_px: the widest picture that it wants; 0 for any.
-        imu_rate_hz: fewer samples per second are too few; 0 for any.
+        image_width_px: the widest picture that it accepts; 0 for any.
+        imu_rate_hz: the least samples per second; 0 for any.
     """
 
     name = "engine"
@@ -65,7 +65,7 @@ class EngineProgram(ABC):
 
     @abstractmethod
     def set_up(self, setup: Setup, options: Mapping[str, str]) -> None:
-        """Take what does not change; called once, first.
+        """Receive the constant settings; called once, first.
 
         Args:
             setup: camera and IMU.
@@ -74,22 +74,22 @@ class EngineProgram(ABC):
 
     @abstractmethod
     def reset(self, start: Reset | None) -> None:
-        """Forget all; start from a state that holds at the next image, or find one without help."""
+        """Discard the state; start from a state valid at the next image, or find one without help."""
 
     @abstractmethod
     def add_imu(self, t_ns: int, accel: Array, gyro: Array) -> None:
-        """Take a sample (m/s^2, rad/s; FLU)."""
+        """Add a sample (m/s^2, rad/s; FLU)."""
 
-    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:  # noqa: B027  # none has to take it
-        """Take a height above the ground."""
+    def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:  # noqa: B027  # optional for engines
+        """Add a height above the ground."""
 
     @abstractmethod
     def add_image(self, t_ns: int, pixels: Pixels, image_id: int) -> Mapping[str, Any] | None:
-        """Work on a grey image [H, W], which is valid until this returns.
+        """Process a grey image [H, W], which is valid until this returns.
 
         Returns:
-            Fields of ``Estimate`` that are not those of ``nothing``, with ``status`` TRACKING unless said; None while
-            there is no state. The stamp, the identifiers and the first keyframe are filled in.
+            Fields of ``Estimate`` that differ from ``nothing``, with ``status`` TRACKING by default; None while there
+            is no state. The stamp, the identifiers and the first keyframe are filled in.
         """
 
     def log(self, text: str, level: int = 20) -> None:
@@ -174,8 +174,8 @@ class _Session:
 def run(engine: EngineProgram) -> int:
     """Serve viso until it closes the connection; return the program's exit code."""
     output = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what is printed is not of the protocol
-    sys.stdout = sys.stderr  # which is not held back
+    os.dup2(2, 1)  # prints must not enter the protocol
+    sys.stdout = sys.stderr  # unbuffered
     engine._output = output
     hello = Hello(
         imu_rate_hz=engine.imu_rate_hz,

@@ -42,13 +42,13 @@ from viso.geometry.rotation import Array, skew
 
 SMALLEST_WIDTH_PX: Final = 16
 MOST: Final = 1e7
-"""Of any number, in m, m/s, m/s^2, rad/s and the squares of m and rad."""
+"""The largest accepted number, in m, m/s, m/s^2, rad/s and the squares of m and rad."""
 MOST_KEYFRAMES: Final = 1000
-"""Of which updates are understood."""
+"""The number of recent keyframes that updates may refer to."""
 
 
 class EngineSession:
-    """A session with a program that has introduced itself and is set up.
+    """A session with a program after the greeting and set-up.
 
     Args:
         config: the configuration; ``engine`` has the times, ``native`` the options.
@@ -58,7 +58,7 @@ class EngineSession:
         shares: whether pictures go through shared memory.
 
     Raises:
-        EngineFailure: if it does not start, or refuses.
+        EngineFailure: if the program does not start, or refuses the set-up.
     """
 
     def __init__(self, command: str, calibration: CameraCalibration, config: VioConfig, on_line: OnLine) -> None:
@@ -88,27 +88,27 @@ class EngineSession:
 
     @property
     def name(self) -> str:
-        """What the program calls itself."""
+        """The program's own name."""
         return self.hello.name.split(b"\0")[0].decode("ascii", "replace")
 
     @property
     def capabilities(self) -> Capability:
-        """What the engine can do."""
+        """The capabilities of the engine."""
         return Capability(self.hello.capabilities)
 
     @property
     def imu_rate_hz(self) -> float:
-        """The least samples per second that it needs; 0 for any."""
+        """The least IMU samples per second that it needs; 0 for any."""
         return self.hello.imu_rate_hz
 
     @property
     def pid(self) -> int:
-        """The program's process, which leads a group."""
+        """The id of the program's process, which leads a process group."""
         return self.child.pid
 
     @property
     def dropped_lines(self) -> int:
-        """How many lines of standard error were too many."""
+        """The number of lines of standard error that were not logged."""
         return self.child.dropped_lines
 
     def _introduced(self, timeout_s: float) -> Hello:
@@ -118,16 +118,16 @@ class EngineSession:
         return hello
 
     def reset(self, start: WarmStartPose | None) -> None:
-        """Let it forget all, and start from a state at the next image or find one."""
+        """Reset the engine; it starts from a state at the next image or finds one."""
         self._keyframe_id = 0
         self._add(_reset(start))
 
     def add_imu(self, t_ns: int, accel: Array, gyro: Array) -> None:
-        """Give it a sample, with the next image."""
+        """Send a sample with the next image."""
         self._add(Imu(samples=np.array([(t_ns, accel, gyro)], IMU_SAMPLE).tobytes()))
 
     def add_height(self, t_ns: int, height_m: float, sigma_m: float) -> None:
-        """Give it a height, with the next image; from any thread."""
+        """Send a height with the next image; from any thread."""
         self._add(Height(t_ns=t_ns, height_m=height_m, sigma_m=sigma_m))
 
     def _add(self, message: Message) -> None:
@@ -135,10 +135,10 @@ class EngineSession:
             self._queue.append(frame_of(message))
 
     def add_image(self, t_ns: int, pixels: Pixels) -> tuple[list[KeyframeUpdate], Estimate]:
-        """Give it an image; return what it makes of it.
+        """Send an image; return the engine's estimate.
 
         Raises:
-            EngineFailure: if there is no answer in time, or none that can be.
+            EngineFailure: if there is no answer in time, or an impossible one.
         """
         image = np.ascontiguousarray(self._images.make(pixels))
         height, width = image.shape
@@ -190,7 +190,7 @@ class EngineSession:
                 del self.keyframes_ns[next(iter(self.keyframes_ns))]
 
     def close(self, *, grace_s: float = EXIT_S) -> None:
-        """End it; in peace, if it does so within the time."""
+        """End the program; kill it if it does not exit in time."""
         self.child.close(grace_s=grace_s)
 
 

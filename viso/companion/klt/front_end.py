@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The front end: a picture in, tracked and checked points out."""
+"""The front end: tracks points through pictures and checks them."""
 
 import uuid
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class WorkingImages:
         self._clahe = cv2.createCLAHE(_CLAHE_LIMIT, _CLAHE_TILES) if clahe else None
 
     def make(self, pixels: Pixels) -> Pixels:
-        """Return the working image [H', W'] of a picture, BGR [H, W, 3] or grey [H, W]; never the same memory."""
+        """Return the working image [H', W'] of a picture, BGR [H, W, 3] or grey [H, W], always as a copy."""
         image: Any = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
         if self._divisor > 1:
             height, width = (side // self._divisor for side in image.shape)
@@ -64,13 +64,14 @@ class Sighting:
     """The points in a picture.
 
     Attributes:
-        ids: [N] of the points, kept for as long as they are tracked.
-        normalised: [N, 2], undistorted; first those found again, then the new ones.
-        tracked, lost, new: numbers of points: of the picture before, found again or not; and detected in this one.
-        inliers: those found again that agree with a rigid scene. The others are given up, and so are some where points
-            crowd.
-        model: what they agree with; None when nothing could be fitted.
-        disparity_px: median movement since the picture before, without the rotation.
+        ids: [N], identifiers of the points, kept while they are tracked.
+        normalised: [N, 2], undistorted; first the points found again, then the new ones.
+        tracked, lost, new: numbers of points of the last picture found again and not, and of points detected in this
+        one.
+        inliers: number of points found again that agree with a rigid scene. Outliers are dropped, and so are some
+            points where they crowd.
+        model: the model that they agree with; None if none could be fitted.
+        disparity_px: median movement since the last picture, without the rotation.
         coverage: share of the grid's cells with an inlier.
     """
 
@@ -108,7 +109,7 @@ class FrontEnd:
         return 0.5 * (self._calibration.fx + self._calibration.fy)
 
     def forget(self) -> None:
-        """Lose all tracks and the last picture."""
+        """Discard all tracks and the last picture."""
         self._image: Pixels | None = None
         self._pixels: Points = np.zeros((0, 2), np.float32)
         self._normalised: Array = np.zeros((0, 2))
@@ -116,12 +117,12 @@ class FrontEnd:
         self._next_id = 0
 
     def track(self, image: Pixels, rotation: Array, prior: Array | None = None) -> Sighting:
-        """Track the points into a picture; detect new ones where some are missing.
+        """Track the points into a picture; detect new ones in cells that have too few.
 
         Args:
-            image: grey working image; it is kept until the next one.
+            image: grey working image, kept until the next one.
             rotation: [3, 3] from the camera at the last picture to the camera now.
-            prior: [3, 3] map of directions to where points are expected; the rotation if None.
+            prior: [3, 3] map from directions to expected directions; the rotation if None.
         """
         before = len(self._ids)
         agreement = self._follow(image, rotation, rotation if prior is None else prior)
@@ -143,7 +144,7 @@ class FrontEnd:
         )
 
     def _follow(self, image: Pixels, rotation: Array, prior: Array) -> Agreement:
-        """Keep the points that are found again and agree; return how those that are found again agree."""
+        """Keep the points that are found again and agree; return the agreement of those found again."""
         if self._image is None or not len(self._ids):
             return Agreement(np.zeros(0, np.bool_), None, 0.0)
         there, found = self._tracker.track(self._image, image, self._pixels, self._expected(prior))
@@ -179,7 +180,7 @@ class FrontEnd:
 
 
 def common_points(earlier: Sighting, later: Sighting) -> tuple[Array, Array]:
-    """Return the normalised coordinates [N, 2] of the points that are in both, earlier and later."""
+    """Return the normalised coordinates [N, 2] of the common points in both sightings."""
     _, then, now = np.intersect1d(earlier.ids, later.ids, assume_unique=True, return_indices=True)
     return earlier.normalised[then], later.normalised[now]
 
@@ -198,7 +199,7 @@ class Keyframe:
         self._sighting = sighting
 
     def is_outdated(self, t_ns: int, camera_rotation: Array, sighting: Sighting, focal_px: float) -> bool:
-        """Return whether a later frame, taken in motion, is to be the next keyframe."""
+        """Return whether a later frame, taken in motion, should become the next keyframe."""
         then, now = common_points(self._sighting, sighting)
         if len(then) < MIN_COMMON or t_ns - self.t_ns >= MAX_AGE_NS:
             return True

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The grid of cells that features are spread over, and what finds them."""
+"""The grid of cells that features are spread over, and the corner detector."""
 
 import math
 from typing import Any, Final, cast
@@ -24,7 +24,7 @@ _NOTHING: Final = np.zeros((0, 2), np.float32)
 
 
 class FeatureGrid:
-    """Shares features out among the cells of a picture.
+    """Spreads features over the cells of a picture.
 
     Args:
         width, height: of the working image.
@@ -42,9 +42,9 @@ class FeatureGrid:
         return float(np.count_nonzero(self._counts(pixels))) / (ROWS * COLUMNS)
 
     def uncrowded(self, pixels: Points) -> Mask:
-        """Return which of the points [N, 2] stay so that no cell has more than three times its share.
+        """Return which of the points [N, 2] to keep, so that no cell has more than three times its share.
 
-        Those that come first do. Points that are tracked flow together where the camera recedes.
+        The first points of a cell are kept. Tracked points crowd together where the camera recedes.
         """
         cells = self._cells(pixels)
         order = np.argsort(cells, kind="stable")
@@ -59,7 +59,7 @@ class FeatureGrid:
 
         Args:
             image: grey, of the size given.
-            pixels: [N, 2], the points there are; new ones keep 12 px away from them.
+            pixels: [N, 2], the existing points; new ones are at least 12 px away from them.
         """
         mask = self._mask(pixels)
         found = [_NOTHING]
@@ -70,7 +70,7 @@ class FeatureGrid:
         return np.concatenate(found)
 
     def _grants(self, counts: npt.NDArray[np.int64], wanted: int) -> npt.NDArray[np.int64]:
-        """Return how many new points each cell may have: one by one, they go to the emptiest cell below its share."""
+        """Return the number of new points for each cell; each point goes to the emptiest cell below its share."""
         missing = np.maximum(self._share - counts, 0)
         cells = np.repeat(np.arange(len(missing)), missing)
         firsts = np.repeat(np.cumsum(missing) - missing, missing)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which tracked points agree with a rigid scene: the geometric check removes outliers and measures nothing."""
+"""The geometric check: which tracked points agree with a rigid scene. It only removes outliers."""
 
 import enum
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _ROTATION_SLACK: Final = 3.0  # the gyro's prediction is not as good as a fitted
 
 
 class Model(enum.StrEnum):
-    """What the inliers agree with."""
+    """The model that the inliers agree with."""
 
     ESSENTIAL = "E"
     HOMOGRAPHY = "H"
@@ -33,9 +33,9 @@ class Agreement:
     """The result of the check.
 
     Attributes:
-        inliers: [N], which points agree.
-        model: with what; None when nothing could be fitted.
-        disparity_px: median movement in the picture without what the rotation explains; 0 when that is not known.
+        inliers: [N], whether each point agrees.
+        model: the fitted model; None if none could be fitted.
+        disparity_px: median movement in the picture beyond the rotation; 0 if unknown.
     """
 
     inliers: Mask
@@ -44,7 +44,7 @@ class Agreement:
 
 
 def rotated(rotation: Array, normalised: Array) -> Array:
-    """Return normalised coordinates [N, 2] after the camera has turned, ``x2 ~ R x1``; NaN for those then behind it.
+    """Return normalised coordinates [N, 2] after a rotation of the camera, ``x2 ~ R x1``; NaN for points behind it.
 
     Args:
         rotation: [3, 3] from the camera before to the camera after, or any other map of directions.

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where points of one picture are in the next one: pyramidal Lucas-Kanade, there and back, and a look at the result.
+"""Tracking of points into the next picture: pyramidal Lucas-Kanade, forward and backward, with a check of the result.
 
-Lucas-Kanade takes each point to keep its grey level. Where the exposure has changed, the lighter picture is darkened
-before: at first by what the whole pictures tell, then by what the points that were found do. It takes
-what surrounds a point to be shifted only. Where points are expected to turn about each other or to spread, as when the
-camera rolls or climbs, the later picture is turned back before.
+Lucas-Kanade assumes that a point keeps its grey level. If the exposure has changed, the lighter picture is darkened
+first, by the means of the whole pictures and then by the surroundings of the points found. It also assumes that a
+point's surroundings only shift. If points are expected to rotate or spread, as when the camera rolls or climbs, the
+later picture is warped back first.
 """
 
 import math
@@ -23,14 +23,14 @@ from viso.geometry.rotation import Array
 Patches = npt.NDArray[np.float32]
 
 BORDER_PX: Final = 5
-MIN_CORRELATION: Final = 0.5  # what is seen and its noise are then equally strong
+MIN_CORRELATION: Final = 0.5  # signal and noise are then equally strong
 _WINDOW: Final = (21, 21)
 _LEVELS, _LEVELS_WIDE, _WIDE_PX = 3, 4, 700
 _STOP: Final = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.01)
-_BACK_LEVELS: Final = 1  # the way back begins where it should end
-_NOTICED_GAIN: Final = 0.1  # what a picture shows changes its mean as well
+_BACK_LEVELS: Final = 1  # the backward track begins where it should end
+_NOTICED_GAIN: Final = 0.1  # the content of a picture changes its mean as well
 _FEWEST_FOR_GAIN: Final = 8
-_MOST_GAIN: Final = 4.0  # beyond it the lens is covered, or was
+_MOST_GAIN: Final = 4.0  # beyond it the lens is or was covered
 _NEARLY_WHITE: Final = 250.0  # grey levels: lighter ones may be clipped
 _FEWEST_LEVELS: Final = 10.0  # sigma of what has to be compared to tell a gain from an offset
 _MIDDLE: Final = 110.0  # grey level
@@ -44,11 +44,11 @@ _PATCH: Final = np.arange(-BORDER_PX, BORDER_PX + 1, dtype=np.float32)
 
 
 class KltTracker:
-    """Follows points from picture to picture.
+    """Tracks points from picture to picture.
 
     Args:
         width, height: of the working image.
-        fb_threshold_px: how far from its start a point may come back to.
+        fb_threshold_px: largest forward-backward error of a point.
     """
 
     def __init__(self, width: int, height: int, fb_threshold_px: float) -> None:
@@ -57,7 +57,7 @@ class KltTracker:
         self._levels = _LEVELS_WIDE if width > _WIDE_PX else _LEVELS
 
     def track(self, before: Pixels, after: Pixels, pixels: Points, guess: Points) -> tuple[Points, Mask]:
-        """Return where points [N, 2] of the picture before are in the one after, and which of them were found.
+        """Return the positions of points [N, 2] in the later picture, and which of them were found.
 
         Args:
             before, after: grey, of the same size.
@@ -107,7 +107,7 @@ class KltTracker:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Turn:
-    """Where pixels go: a map [2, 3], turn and spread, then shift."""
+    """The map [2, 3] of pixels: rotation and scale, then shift."""
 
     matrix: Array
 
@@ -120,13 +120,13 @@ class _Turn:
         return there.astype(np.float32)
 
     def undone(self, image: Pixels) -> Pixels:
-        """Return a later picture as if nothing had turned, shifted back as well."""
+        """Return a later picture with rotation, scale and shift undone."""
         size, flags = (image.shape[1], image.shape[0]), cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
         return cast(Pixels, cv2.warpAffine(image, self.matrix, size, flags=flags, borderMode=cv2.BORDER_REFLECT))
 
 
 def _turn_of(pixels: Points, guess: Points) -> _Turn | None:
-    """Return how points [N, 2] are expected to turn about each other and to spread; None for hardly or not known."""
+    """Return the expected rotation and scale of points [N, 2]; None if small or unknown."""
     if len(pixels) < _FEWEST_FOR_TURN:
         return None
     middle, other = pixels.mean(axis=0, dtype=np.float64), guess.mean(axis=0, dtype=np.float64)
@@ -141,7 +141,7 @@ def _turn_of(pixels: Points, guess: Points) -> _Turn | None:
 
 @dataclass(frozen=True, slots=True)
 class _Exposure:
-    """How a picture's grey levels follow from those of the one before: times the gain, plus the offset."""
+    """The change of grey levels from one picture to the next: gain and offset."""
 
     gain: float = 1.0
     offset: float = 0.0
@@ -151,7 +151,7 @@ class _Exposure:
         return abs(gain) <= _SAME_GAIN * self.gain and abs(middle) <= _SAME_LEVEL
 
     def undone(self, before: Pixels, after: Pixels) -> tuple[Pixels, Pixels]:
-        """Return two pictures as if the exposure had not changed; the lighter one is darkened, as white has no more."""
+        """Return two pictures at equal exposure; the lighter one is darkened, because white is clipped."""
         if self.is_like(_Exposure()):
             return before, after
         if self.gain > 1:
@@ -165,13 +165,13 @@ def _scaled(image: Pixels, gain: float, offset: float) -> Pixels:
 
 
 def _exposure_of(before: Pixels, after: Pixels) -> _Exposure:
-    """Return what the means of two pictures tell, as a gain."""
+    """Return the exposure change from the means of two pictures, as a gain."""
     change = abs(math.log(gain := max(cv2.mean(after)[0], 1.0) / max(cv2.mean(before)[0], 1.0)))
     return _Exposure(gain if _NOTICED_GAIN < change < math.log(_MOST_GAIN) else 1.0)
 
 
 def _exposure_at(before: Pixels, after: Pixels, pixels: Points, there: Points, guess: _Exposure) -> _Exposure:
-    """Return what the surroundings of points [N, 2] tell; the guess, if they are few."""
+    """Return the exposure change from the surroundings of points [N, 2]; the guess if there are few."""
     one, other = _patches(before, pixels), _patches(after, there)
     same = _alike(one, other) >= MIN_CORRELATION
     same &= (one.max(axis=1) < _NEARLY_WHITE) & (other.max(axis=1) < _NEARLY_WHITE)
@@ -186,7 +186,7 @@ def _exposure_at(before: Pixels, after: Pixels, pixels: Points, there: Points, g
 
 
 def _alike(one: Patches, other: Patches) -> Patches:
-    """Return how well surroundings [N, K] agree, [N] from -1 to 1, whatever the exposure."""
+    """Return the correlation [N], -1 to 1, of surroundings [N, K], independent of the exposure."""
     one, other = one - one.mean(axis=1, keepdims=True), other - other.mean(axis=1, keepdims=True)
     strength = np.sqrt((one * one).sum(axis=1) * (other * other).sum(axis=1))
     correlation: Patches = (one * other).sum(axis=1) / np.maximum(strength, 1e-3)

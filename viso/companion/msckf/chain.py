@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How uncertain a pose is that is composed of poses relative to keyframes.
+"""The covariance of a pose that is composed of poses relative to keyframes.
 
-Each link errs as the velocity and the bias err, which the next link shares: links added up as if they were independent
-claim too much. The filter knows better, as it keeps the pose that the chain began with: its covariance has what the
-links share. What it has learnt about a keyframe since that was the last one is not in the chain, and comes on top.
+The errors of velocity and bias are common to successive links, so adding the links as independent gives too small a
+covariance. The filter keeps the pose that the chain began with, and its covariance contains the common part. What the
+filter learnt about a keyframe after that was the last one is not in the chain, and is added.
 """
 
 import numpy as np
@@ -17,21 +17,21 @@ class Chain:
     """The covariance of a composed pose; the errors are those of a filter, rigid motions of its world.
 
     Args:
-        origin: number of the frame whose pose the chain begins with; that has to stay in the filter's window.
+        origin: number of the frame whose pose the chain begins with; it must stay in the filter's window.
         keyframe: number of its first keyframe.
     """
 
     def __init__(self, state: WindowFilter, origin: int, keyframe: int) -> None:
         self.origin = origin
         self._unlearnt: Array = np.zeros((CLONE, CLONE))  # of the keyframes before the last one
-        self._stated = self._since(state, _columns(state, keyframe))  # of the last keyframe, when it became that
+        self._stated = self._since(state, _columns(state, keyframe))  # of the last keyframe, at the time it became one
 
     def covariance(self, state: WindowFilter, keyframe: int, number: int | None = None) -> Array:
         """Return the covariance [6, 6] of the pose now, right perturbation, as composed with the last keyframe's.
 
         Args:
             keyframe: number of the frame that the pose is relative to.
-            number: of the frame now, if that is the next keyframe.
+            number: of the present frame, if it is the next keyframe.
         """
         now = self._since(state, slice(POSE.start, POSE.stop))
         unlearnt = self._unlearnt + _positive(self._stated - self._since(state, _columns(state, keyframe)))
@@ -54,7 +54,7 @@ def _columns(state: WindowFilter, number: int) -> slice:
 
 
 def _positive(cov: Array) -> Array:
-    """Return a difference of covariances without what rounding and linearising have made negative in it."""
+    """Return a difference of covariances without negative parts from rounding and linearisation."""
     values, vectors = np.linalg.eigh(0.5 * (cov + cov.T))
     positive: Array = (vectors * np.maximum(values, 0.0)).dot(vectors.T)
     return positive

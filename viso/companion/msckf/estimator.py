@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The filter with its tracks: what happens to both with each frame."""
+"""The filter with its tracks, updated with each frame."""
 
 from typing import Final
 
@@ -26,11 +26,11 @@ _FEWEST_FOR_RELIEF: Final = 3  # sightings
 
 
 class WindowEstimator:
-    """A filter that is fed with what the front end sees.
+    """A filter fed by the front end.
 
     Args:
         sigma: of a normalised coordinate.
-        window_clones: the most poses kept.
+        window_clones: largest number of poses kept.
         fewest_sightings: of a track that is used: 3, or 2 on a known plane.
 
     Attributes:
@@ -52,11 +52,11 @@ class WindowEstimator:
         self._depth_m: float | None = None  # of the points that were used last
 
     def propagate(self, window: ImuWindow) -> None:
-        """Move on by inertial data or, where there are none, as the body moved last."""
+        """Propagate by inertial data or, without them, with the last motion."""
         self.state.carry_on(window, bracketed(window))
 
     def compare(self, sighting: Sighting) -> None:
-        """Take in where the points that are held are now."""
+        """Update with the sightings of the held points."""
         nis = self._held.see(sighting)
         if nis is not None:
             self._note_ratio(nis)
@@ -64,13 +64,13 @@ class WindowEstimator:
     def add_frame(
         self, number: int, sighting: Sighting, plane: Plane | Below | None, keep: int | None, depth_m: float = 1.0
     ) -> TracksUsed:
-        """Take in a frame in motion: keep its pose, and use the tracks whose turn it is.
+        """Add a frame in motion: keep its pose, and use the tracks that are due.
 
         Args:
             number: of the frame, larger than those before.
             plane: the ground, if all points lie on it or its height right below is known.
-            keep: a frame whose pose is not to be forgotten.
-            depth_m: a guess, rather too small, of how far away points are.
+            keep: a frame whose pose must stay in the window.
+            depth_m: a low guess of the distance of points.
         """
         state = self.state
         state.clone(number)
@@ -95,7 +95,7 @@ class WindowEstimator:
         return used
 
     def hold(self, number: int, sighting: Sighting, depth_m: float) -> None:
-        """Hold points of a frame whose pose is the last in the window, as many as there is room for."""
+        """Hold points of the window's last frame, as many as there is room for."""
         held = self._held
         if len(held.numbers) >= FEWEST_HELD:
             return
@@ -106,7 +106,7 @@ class WindowEstimator:
         self._tracks.forget(held.numbers)
 
     def relief_share(self) -> float | None:
-        """Return how much points differ in height, as a share of their distance; None if there is no telling."""
+        """Return the height differences of points as a share of their distance; None if unknown."""
         tracks = self._tracks.longest(_FEWEST_FOR_RELIEF)
         if len(tracks) < _ENOUGH_TRACKS:
             return None

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is known about the ground below: whether it is a plane and all that there is to see, and where it is."""
+"""Knowledge of the ground below: its height, and whether it is a plane that fills the picture."""
 
 import math
 from typing import Final
@@ -28,14 +28,14 @@ _MOSTLY: Final = 0.8  # share of frames
 
 
 class Ground:
-    """The ground in a filter's world, as the configuration and the pictures tell.
+    """The ground in a filter's world, from the configuration and the pictures.
 
     Args:
         origin_z_m: of the filter's world, in the world of the configuration.
 
     Attributes:
         z_m: of the plane, in the filter's world.
-        is_rough: whether what is said to be a plane has not shown to be one, or has shown to be none.
+        is_rough: whether a configured plane is not confirmed as a plane, or is refuted.
     """
 
     def __init__(self, config: VioConfig, origin_z_m: float) -> None:
@@ -47,20 +47,20 @@ class Ground:
         self.is_rough = config.scene is Scene.PLANAR and self._has_height
 
     def note(self, model: Model | None) -> None:
-        """Note what the points in a frame agreed with."""
+        """Note the model that the points in a frame agreed with."""
         self._planar_share += (1 - _KEPT) * ((model is Model.HOMOGRAPHY) - self._planar_share)
 
     def note_relief(self, share: float | None) -> None:
-        """Note how much the points in a frame differ in height, as a share of the distance; None if that is unknown."""
+        """Note the height differences of a frame's points as a share of the distance; None if unknown."""
         if share is None:
             return
-        # Relief counts at once, as a filter that believes in a plane tilts until the ground looks like one.
+        # Relief counts at once, because a filter that assumes a plane tilts until the ground fits one.
         mean = _RELIEF_KEPT * self._relief_share + (1 - _RELIEF_KEPT) * share
         self._relief_share = max(share, mean) if share > ROUGH_SHARE else mean
         self.is_rough = self._relief_share > ROUGH_SHARE
 
     def take_height(self, state: WindowFilter, height_m: float, sigma_m: float) -> None:
-        """Follow ground that is no plane: it is where a height says.
+        """Set the height of ground that is not a plane from a height measurement.
 
         Args:
             height_m: of the body above the ground.
@@ -71,7 +71,7 @@ class Ground:
             self.note_relief(off_m / max(height_m, MIN_PLANE_HEIGHT_M))
 
     def plane(self, world_T_camera: SE3) -> Plane | None:
-        """Return the plane, if all that the camera sees is known to lie on it."""
+        """Return the plane, if all of the camera's view is known to lie on it."""
         is_plane = self._scene is Scene.PLANAR or (self._scene is Scene.AUTO and self._planar_share > _MOSTLY)
         height_m = float(world_T_camera.t[2]) - self.z_m
         if not is_plane or self.is_rough or not self._has_height or height_m < MIN_PLANE_HEIGHT_M:
@@ -79,7 +79,7 @@ class Ground:
         return Plane(self.z_m, math.hypot(ROUGHNESS_SHARE, _TOGETHER * self._relief_share) * height_m)
 
     def expected_map(self, before: SE3, after: SE3) -> Array:
-        """Return the map [3, 3] of directions that says where points are expected after the camera has moved.
+        """Return the map [3, 3] from directions to those expected after the camera's motion.
 
         Args:
             before, after: world_T_camera.
@@ -95,11 +95,11 @@ class Ground:
         return rotation + np.outer(after.R.T.dot(before.t - after.t), normal)
 
     def depth_guess_m(self, state: WindowFilter) -> float:
-        """Return how far away things may be, rather too little than too much, where nothing is known about it."""
+        """Return a low guess of the distance of points, used while it is unknown."""
         return max(_NEAR_M, 0.5 * (float(state.p[2]) - self.z_m))
 
     def leaves_scale_open(self, state: WindowFilter) -> bool:
-        """Return whether nothing has fixed the scale yet: neither a height nor an accelerated motion."""
+        """Return whether neither a height nor an accelerated motion has fixed the scale yet."""
         if self._scene is not Scene.PLANAR or self._has_height:
             return False
         return sigma_of(state.cov[POS, POS]) > SCALE_KNOWN * float(np.linalg.norm(state.p))

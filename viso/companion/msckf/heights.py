@@ -16,13 +16,13 @@ from viso.geometry.rotation import Array, skew
 MAX_AGE_NS: Final = 200_000_000
 SIGMA_SHARE: Final = 0.01  # of the height: no sigma is smaller
 GATE: Final = 25.0  # 5 sigma
-MOST_REFUSED: Final = 3  # in a row: what says the same again is no outlier, but ground at another height
+MOST_REFUSED: Final = 3  # in a row: repeated equal values are not outliers, but ground at another height
 _LEAST_HEIGHT_M: Final = 1.0
 _CAPACITY: Final = 64
 
 
 class Heights:
-    """Keeps heights until a frame is near, and takes them into a filter."""
+    """Stores heights until a frame is near, and updates a filter with them."""
 
     def __init__(self, least_sigma_m: float) -> None:
         self._least_sigma_m = least_sigma_m
@@ -31,7 +31,7 @@ class Heights:
         self._disagreeing = 0  # in a row
 
     def add(self, t_ns: int, height_m: float, sigma_m: float) -> bool:
-        """Note a height; return False, and leave it out, if it is none. From any thread.
+        """Add a height; return False, and ignore it, if it is invalid. From any thread.
 
         Args:
             t_ns: when, by the IMU's clock.
@@ -44,7 +44,7 @@ class Heights:
         return good
 
     def take(self, t_ns: int, ground_m: float, velocity_w: Array) -> tuple[float, float] | None:
-        """Return how high the body is at a time, and the sigma, both in m, by the nearest height; each is taken once.
+        """Return the body's height and its sigma in m at a time, from the nearest measurement; each is used once.
 
         Args:
             t_ns: when, by the IMU's clock.
@@ -58,9 +58,9 @@ class Heights:
         return up_m, max(self._least_sigma_m, SIGMA_SHARE * height.height_m, height.sigma_m)
 
     def use(self, state: WindowFilter, t_ns: int, ground_m: float) -> float | None:
-        """Take the height nearest to a time into a filter that is at that time; return how far off one is that is not.
+        """Update a filter with the height nearest to its time; return the error of a refused one.
 
-        One that is more than 5 sigma off is refused, but no more than 3 in a row. It is off by a share of the height.
+        A height more than 5 sigma off is refused, but at most 3 in a row. The error is a share of the height.
 
         Args:
             t_ns: when, by the IMU's clock.
@@ -75,10 +75,10 @@ class Heights:
         return off
 
     def off(self, state: WindowFilter, taken: tuple[float, float], ground_m: float) -> float | None:
-        """Return how far off a height is that is to be refused, as a share of the height; None for one that is not.
+        """Return the error of a height to refuse, as a share of the height; None for an acceptable one.
 
         Args:
-            taken: how high the body is, and the sigma, as :meth:`take` has it.
+            taken: the body's height and its sigma, from :meth:`take`.
             ground_m: height of the ground in the filter's world.
         """
         agrees = height_nis(state, *taken) <= GATE
@@ -97,7 +97,7 @@ class Heights:
 
 
 def take_height(state: WindowFilter, up_m: float, sigma_m: float, gate: float) -> bool:
-    """Take in how high the body is in the world; say whether that can be.
+    """Update with the body's height in the world; return whether it passes the gate.
 
     Args:
         up_m: z of the body in m.
@@ -111,7 +111,7 @@ def take_height(state: WindowFilter, up_m: float, sigma_m: float, gate: float) -
 
 
 def height_nis(state: WindowFilter, up_m: float, sigma_m: float) -> float:
-    """Return the normalised innovation squared of a height, as :func:`take_height` has it."""
+    """Return the normalised innovation squared of a height in :func:`take_height`."""
     return state.nis(*_height_equation(state, up_m), sigma_m)
 
 

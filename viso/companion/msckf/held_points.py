@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Points that are held while a body hardly moves.
 
-A track says nothing as long as its point cannot be triangulated, and nothing at all about a body that hovers high up.
-So some points then become part of the state, with an inverse depth (Civera et al., Inverse depth parametrization for
-monocular SLAM, 2008) that is a guess, and its uncertainty that of a guess: each picture is compared with that of one
-past pose, and however long that lasts, the position drifts by no more than the points wander.
+A track gives no information until its point can be triangulated, and none at all while the body hovers high up. So some
+points then become part of the state, with a guessed inverse depth (Civera et al., Inverse depth parametrization for
+monocular SLAM, 2008) and the uncertainty of a guess. Each picture is compared with that of one past pose, so the
+position drifts only as far as the points wander, however long the hover lasts.
 """
 
 from collections.abc import Mapping
@@ -21,8 +21,8 @@ from viso.geometry.pose import SE3
 from viso.geometry.rotation import Array, skew
 
 MOST_HELD: Final = 24
-FEWEST_HELD: Final = 12  # below it others are taken
-SIGMA_SHARE: Final = 2.0  # of a sighting, in those of a track: the same corner is looked at again and again
+FEWEST_HELD: Final = 12  # with fewer, new ones are added
+SIGMA_SHARE: Final = 2.0  # of a sighting, in those of a track: the same corner is seen again and again
 WANDER_SHARE: Final = 0.1  # how far a point wanders from picture to picture, in sigmas of a track
 DEPTH_SPREAD: Final = 0.3  # of points in one picture, as a share of the inverse depth
 _REFUSED: Final = 0.05
@@ -30,7 +30,7 @@ _WIDEST_GATE: Final = 9.0
 
 
 class HeldPoints:
-    """The points that a filter holds.
+    """The held points of a filter.
 
     Args:
         sigma: of a normalised coordinate in a track.
@@ -48,7 +48,7 @@ class HeldPoints:
 
     @property
     def anchors(self) -> set[int]:
-        """Frames whose poses they are told from."""
+        """The frames whose poses they are relative to."""
         return {point.anchor for point in self._state.points}
 
     def take(self, anchor: int, sighting: Sighting, depth_m: float, depth_is_known: bool) -> None:
@@ -56,8 +56,8 @@ class HeldPoints:
 
         Args:
             anchor: number of the picture's frame, whose pose is the last in the window.
-            depth_m: about how far away they are, if none is held yet.
-            depth_is_known: whether that is more than a guess.
+            depth_m: their approximate distance, if no point is held yet.
+            depth_is_known: whether the distance is more than a guess.
         """
         state, held = self._state, self.numbers
         for row in _spread(sighting, MOST_HELD - len(held)):
@@ -72,7 +72,7 @@ class HeldPoints:
             state.hold(HeldPoint(number, anchor, at), SIGMA_SHARE * self._sigma, share * at[2], like)
 
     def see(self, sighting: Sighting) -> float | None:
-        """Take in where the points are now; return the normalised innovation squared per degree of freedom, or None."""
+        """Update with a sighting of the points; return the mean normalised innovation squared, or None."""
         state = self._state
         seen = dict(zip(sighting.ids.tolist(), sighting.normalised, strict=True))
         state.release(self.numbers - seen.keys())
@@ -124,7 +124,7 @@ class HeldPoints:
 
 
 def _spread(sighting: Sighting, count: int) -> list[int]:
-    """Return rows of a sighting: one after the other the point that is farthest from those before."""
+    """Return rows of a sighting, chosen one by one as the point farthest from those before."""
     at = sighting.normalised
     if count <= 0 or not len(at):
         return []

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the tracks of points say about the poses that they were seen from.
+"""Updates of the filter's poses from tracks of points.
 
-Each track's point is triangulated and then eliminated: only what does not depend on where it is counts (Mourikis and
-Roumeliotis, 2007). A scene that is a known plane adds an equation for the height of each point. All tracks are computed
-at once, in arrays padded to the longest track: rows of padding are zero and say nothing.
+Each track's point is triangulated and then eliminated, so that the equations do not depend on its position (Mourikis
+and Roumeliotis, 2007). A known plane adds an equation for the height of each point. All tracks are computed at once, in
+arrays padded to the longest track; padding rows are zero and have no effect.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ from viso.geometry.rotation import Array, skews
 
 _REFUSED: Final = 0.05  # of good tracks, by the gate
 _WIDEST_GATE: Final = 25.0
-_FEWEST_FOUND: Final = 0.2  # share of tracks whose points can be found, below which those are found by chance
+_FEWEST_FOUND: Final = 0.2  # share of triangulated tracks, below which those are found by chance
 _BELOW_SHARE: Final = 0.2  # of the height: how far aside a point may be
 _SLOPE_SHARE: Final = 0.4  # of the height: how far aside a point may be that tells the ground's slope
 _BEND: Final = 0.1  # of the ground, by which points aside are higher or lower than its slope says
@@ -51,7 +51,7 @@ class Plane:
 
 @dataclass(frozen=True, slots=True)
 class Below:
-    """The ground right below the body, where it is no plane.
+    """The ground right below the body, if it is not a plane.
 
     Attributes:
         height_m: of the body above it, at the last pose of the window.
@@ -79,7 +79,7 @@ class Below:
 
 
 def _slope(points: Array, chosen: Mask) -> Array:
-    """Return the slope [2] of the ground that points [T, 3] lie on, to the east and to the north; none for too few."""
+    """Return the slope [2] of the ground under points [T, 3], to the east and to the north; zero for too few points."""
     if np.count_nonzero(chosen) < _FEWEST_FOR_RELIEF:
         return np.zeros(2)
     across = np.column_stack([points[chosen, :2], np.ones(np.count_nonzero(chosen))])
@@ -90,10 +90,10 @@ def _slope(points: Array, chosen: Mask) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class TracksUsed:
-    """Outcome of tracks; without any that was used, only the first number says something.
+    """Outcome of an update with tracks; only ``offered`` is meaningful if none was used.
 
     Attributes:
-        offered: tracks whose points could be found.
+        offered: tracks whose points could be triangulated.
         used: those of them that passed the gate.
         nis_per_dof: normalised innovation squared of the compressed residual, per degree of freedom.
         mre_sigmas: mean reprojection error of the tracks used, in sigmas.
@@ -109,15 +109,15 @@ class TracksUsed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Stack:
-    """The equations of all tracks, in units of sigma; what depends on the points is gone.
+    """The equations of all tracks, in units of sigma, with the points eliminated.
 
     Attributes:
         jacobian: [T, K, S] with respect to the window's poses.
         residual: [T, K].
         dof: [T], degrees of freedom.
         error: [T], mean reprojection error.
-        depth_m: [T], along the camera's axis when a point was seen first.
-        parallax: [T], way of the camera as a share of that.
+        depth_m: [T], along the camera's axis at a point's first sighting.
+        parallax: [T], distance moved by the camera as a share of that.
     """
 
     jacobian: Array
@@ -148,7 +148,7 @@ def use_tracks(
     passes: int,
     doubt: Callable[[WindowFilter], float] = lambda _: 0.0,
 ) -> TracksUsed:
-    """Take tracks into a filter.
+    """Update a filter with tracks.
 
     Args:
         sigma: of a normalised coordinate.
@@ -192,7 +192,7 @@ def use_tracks(
 
 
 def parallax_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float:
-    """Return by how much, in rad, points have moved from where they were seen first, in the median; turns left out.
+    """Return the median angle in rad by which points have moved since their first sighting, without rotations.
 
     Args:
         clones: the poses that the points were seen from.
@@ -203,9 +203,9 @@ def parallax_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float:
 
 
 def relief_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float | None:
-    """Return how much points differ in height, as a share of their distance; None if too few of them tell.
+    """Return the height differences of points as a share of their distance; None for too few usable points.
 
-    What their errors explain is left out. Those are as large as the sightings' disagreement says.
+    The part that their errors explain is taken out. The disagreement of the sightings gives the size of the errors.
 
     Args:
         clones: the poses that the points were seen from.
@@ -229,7 +229,7 @@ def relief_of(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> float | No
 
 
 def _cameras(clones: Sequence[Clone], B_T_C: SE3, tracks: Tracks) -> tuple[Array, Array]:
-    """Return the rotations [T, M, 3, 3] and positions [T, M, 3] that points were seen from."""
+    """Return the rotations [T, M, 3, 3] and positions [T, M, 3] of the cameras of all sightings."""
     rotations = np.array([clone.R.dot(B_T_C.R) for clone in clones])
     positions = np.array([clone.p + clone.R.dot(B_T_C.t) for clone in clones])
     return rotations[tracks.clones], positions[tracks.clones]
@@ -261,9 +261,9 @@ def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, pl
 
 
 def reprojected(rotations: Array, positions: Array, tracks: Tracks, points: Array, good: Mask) -> tuple[Array, Array]:
-    """Return the depths [T, M] of points, and how far [T, M, 2] they were seen from where they should be.
+    """Return the depths [T, M] and the reprojection errors [T, M, 2] of points.
 
-    Where there is no sighting, or a point is not good, these are infinite and 0.
+    Without a sighting or a good point, these are infinite and 0.
     """
     local = np.einsum("tmji,tmj->tmi", rotations, points[:, None] - positions)
     depth = np.where(tracks.seen & good[:, None], local[..., 2], np.inf)
@@ -296,7 +296,7 @@ def _by_poses(
 def _with_heights(
     jacobian: Array, by_point: Array, residual: Array, points: Array, plane: Plane | Below, body: Array
 ) -> tuple[tuple[Array, Array, Array], Array]:
-    """Return the equations with one more for each point's height; and for which [T] of them that says something."""
+    """Return the equations with one more for each point's height, and for which [T] of them it has effect."""
     by_last = np.zeros((len(points), 1, jacobian.shape[2]))
     if isinstance(plane, Plane):
         weight = np.full(len(points), 1 / plane.sigma_m)
@@ -318,7 +318,7 @@ def _eliminated(jacobian: Array, by_point: Array, residual: Array) -> tuple[Arra
 
 
 def _gate(state: WindowFilter, stack: _Stack) -> Mask:
-    """Return which tracks agree with the state; the gate opens where most of them do not, as the state is off then."""
+    """Return which tracks agree with the state; the gate widens if most do not, because the state is then off."""
     if not len(stack.dof):
         return np.zeros(0, np.bool_)
     clones = slice(MOTION, state.clones_end)
@@ -332,7 +332,7 @@ def _gate(state: WindowFilter, stack: _Stack) -> Mask:
 
 
 def _compressed(stack: _Stack) -> tuple[Array, Array, float]:
-    """Return an equation for each direction that the tracks tell about, and the variance of what is left over."""
+    """Return an equation for each observed direction, and the variance of the remainder."""
     rows = stack.jacobian.reshape(-1, stack.jacobian.shape[2])
     residual = stack.residual.ravel()
     values, vectors = np.linalg.eigh(rows.T.dot(rows))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether the vehicle stands still, from inertial data and pictures, and what a filter learns from that."""
+"""Detection of a vehicle at rest from inertial data and pictures, and the filter's update at rest."""
 
 import math
 from collections import deque
@@ -29,10 +29,10 @@ _GATE: Final = 16.3  # of 3 degrees of freedom, 99.9 %
 
 
 class Stillness:
-    """Remembers the last inertial data, and since when pictures have not moved.
+    """Stores the last inertial data, and since when pictures have not moved.
 
-    A picture is compared with the one that the rest began with, not with the one before: that, however slow the motion
-    and however fast the pictures come, shows it. The rotation is not taken out, as a body that turns does not rest.
+    A picture is compared with the first one at rest, not with the previous one, so that slow motion shows at any frame
+    rate. The rotation is not taken out, because a body that turns is not at rest.
     """
 
     def __init__(self, focal_px: float) -> None:
@@ -88,7 +88,7 @@ class Stillness:
 
 
 def level_rotation(accel: Array) -> Array:
-    """Return the attitude [3, 3], body to world and without yaw, of a body at rest that feels a specific force [3]."""
+    """Return the attitude [3, 3], body to world and without yaw, of a body at rest from its specific force [3]."""
     up = accel / np.linalg.norm(accel)
     ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
     if np.linalg.norm(ahead) < 1e-3:  # on its tail or nose: the yaw is that of what was down
@@ -99,13 +99,13 @@ def level_rotation(accel: Array) -> Array:
 
 
 def stand_still(state: WindowFilter, mean_gyro: Array, share: float = 1.0) -> bool:
-    """Take in that the body does not move, and that what its gyro shows is bias; say whether that can be.
+    """Update with zero velocity, and with the gyro's mean as bias; return whether that passes the gate.
 
-    A body at a great height may move without its camera seeing it.
+    High up, a body may move without visible motion in the pictures.
 
     Args:
         mean_gyro: [3] in rad/s, FLU.
-        share: of the gyro's mean that is new, above 0; it counts for as much.
+        share: of the gyro's mean that is new, above 0; the weight of the update.
     """
     size = len(state.cov)
     by_velocity = np.zeros((3, size))

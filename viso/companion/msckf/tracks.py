@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tracks of points through the window, and when their turn comes to be used. Each sighting is used once."""
+"""The tracks of points through the window, and when they are used. Each sighting is used once."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -43,8 +43,8 @@ class TrackBook:
     """Collects sightings until they are used.
 
     Args:
-        fewest: sightings that say something: 3, or 2 on a known plane.
-        ripe: sightings after which a point is used though it is still tracked.
+        fewest: least number of useful sightings: 3, or 2 on a known plane.
+        ripe: number of sightings after which a point is used while it is still tracked.
     """
 
     def __init__(self, fewest: int, ripe: int = RIPE) -> None:
@@ -52,7 +52,7 @@ class TrackBook:
         self._open: dict[int, _Sightings] = {}
 
     def note(self, number: int, ids: Iterable[int], normalised: Iterable[Sequence[float]]) -> list[_Sightings]:
-        """Note what a frame shows; return the tracks to be used now, the longest first.
+        """Add the sightings of a frame; return the tracks to use now, the longest first.
 
         Args:
             normalised: [N, 2].
@@ -72,7 +72,7 @@ class TrackBook:
         return used
 
     def longest(self, fewest: int) -> list[_Sightings]:
-        """Return the longest tracks of points that are still tracked, of so many sightings at least."""
+        """Return the longest tracks of points that are still tracked, with at least ``fewest`` sightings."""
         tracks = [track for track in self._open.values() if len(track) >= fewest]
         return sorted(tracks, key=len, reverse=True)[:MOST_TRACKS]
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where points are that were seen from several known poses; all tracks at once."""
+"""Triangulation of points from several known poses, for all tracks at once."""
 
 from typing import Final
 
@@ -30,7 +30,7 @@ def _rays(tracks: Tracks) -> Array:
 
 
 def triangulate(rotations: Array, positions: Array, tracks: Tracks) -> tuple[Array, Mask]:
-    """Return points [T, 3] in the world, and which of them are in front of the cameras and not too far to tell.
+    """Return points [T, 3] in the world, and which of them are in front of the cameras and near enough.
 
     Args:
         rotations, positions: [T, M, 3, 3] and [T, M, 3], from the cameras to the world, of each sighting.
@@ -72,7 +72,7 @@ def _refined(rotations: Array, positions: Array, tracks: Tracks, points: Array, 
 
 
 def on_plane(rotations: Array, positions: Array, tracks: Tracks, height_m: float) -> tuple[Array, Mask]:
-    """Return points [T, 3] on a horizontal plane, the means of where the rays meet it, and which of them do.
+    """Return points [T, 3] on a horizontal plane, each the mean of its rays' intersections, and which are valid.
 
     Args:
         rotations, positions: as for :func:`triangulate`.

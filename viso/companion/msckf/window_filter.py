@@ -5,9 +5,9 @@
 The filter is that of Mourikis and Roumeliotis, A multi-state constraint Kalman filter, 2007, with the errors of an
 invariant filter (Barrau and Bonnabel, The invariant extended Kalman filter as a stable observer, 2017; for cameras
 Wu et al., An invariant-EKF VINS algorithm for improving consistency, 2017): each pose errs by a rigid motion of the
-world, ``T = Exp(e) T_hat``. What a camera cannot see, a shift of the whole world and its turn about gravity, then is
-the same for every estimate: no update takes it for seen, which is what first-estimate Jacobians are for in other
-filters, and a bad first estimate does no lasting harm.
+world, ``T = Exp(e) T_hat``. A camera cannot observe a shift of the whole world or its rotation about gravity. With
+these errors the unobservable directions are the same for every estimate, so no update gains false information on them
+(other filters need first-estimate Jacobians for that), and a bad first estimate does no lasting harm.
 """
 
 import copy
@@ -40,7 +40,7 @@ MOTION: Final = 15
 CLONE: Final = 6
 POINT: Final = 3
 
-# What may happen to a body while nothing is measured.
+# The motion that a body may make while nothing is measured.
 UNNOTICED_RAD_S: Final = 0.5
 UNNOTICED_M_S2: Final = 3.0
 LONG_STEP_S: Final = 0.1  # between two inertial samples: anything may have happened
@@ -65,7 +65,7 @@ class Clone:
 
 @dataclass(slots=True, eq=False)
 class HeldPoint:
-    """A point that is estimated with the motion, told from the camera at a past pose.
+    """A point that is estimated with the motion, relative to the camera at a past pose.
 
     Attributes:
         anchor: number of the past pose.
@@ -94,11 +94,11 @@ class WindowFilter:
         self._noise = noise
 
     def copy(self) -> "WindowFilter":
-        """Return a filter that believes the same."""
+        """Return an independent copy of the filter."""
         return copy.deepcopy(self)
 
     def go_back(self, past: "WindowFilter") -> None:
-        """Believe again what a copy of this filter does."""
+        """Restore the state of a copy of this filter."""
         vars(self).update(vars(past.copy()))
 
     @property
@@ -117,7 +117,7 @@ class WindowFilter:
         return bool(np.isfinite(motion).all() and np.isfinite(self.cov).all() and (self.cov.diagonal() >= 0).all())
 
     def propagate(self, steps: ImuSteps) -> None:
-        """Move on with inertial data."""
+        """Propagate with inertial data."""
         if not len(steps.dt_s):
             return
         delta = preintegrate(steps, self._noise, self.bias)
@@ -133,10 +133,10 @@ class WindowFilter:
         self._propagate_cov(transition, into_world.dot(delta.cov).dot(into_world.T), dt_s)
 
     def carry_on(self, window: ImuWindow, samples: Sequence[ImuSample]) -> bool:
-        """Move on over a window; say whether all of it was measured.
+        """Propagate over a window; return whether the samples cover all of it.
 
         Args:
-            samples: those in it from stamp to stamp; without any, the body moves as it did last.
+            samples: those in it from stamp to stamp; without any, the last motion continues.
         """
         steps = steps_between(samples)
         self.propagate(steps)
@@ -148,7 +148,7 @@ class WindowFilter:
         return bool(samples) and unmeasured_s == 0
 
     def propagate_blind(self, dt_s: float) -> None:
-        """Move on without inertial data: as the body moved last, which is far from certain."""
+        """Propagate without inertial data: with the last motion and large process noise."""
         self.p = self.p + self.v * dt_s
         transition = np.eye(MOTION)
         transition[POS, VEL] = _IDENTITY * dt_s
@@ -156,7 +156,7 @@ class WindowFilter:
         self.blur(dt_s)
 
     def blur(self, dt_s: float) -> None:
-        """Admit that the body may have turned and sped up or down unnoticed, for some time until now."""
+        """Add the uncertainty of unmeasured rotation and acceleration over the last ``dt_s``."""
         unnoticed = np.zeros((9, 6))
         unnoticed[:3, :3] = _IDENTITY * (UNNOTICED_RAD_S * dt_s)
         unnoticed[3:6, 3:] = _IDENTITY * (UNNOTICED_M_S2 * dt_s)
@@ -165,7 +165,7 @@ class WindowFilter:
         self.cov[:9, :9] += spread.dot(spread.T)
 
     def _into_world(self, before: Array) -> Array:
-        """Return what turns the errors (rotation, dv, dp) of a preintegrated motion into those of the state."""
+        """Return the matrix from the errors (rotation, dv, dp) of a preintegrated motion to those of the state."""
         into = np.zeros((9, 9))
         into[ATT, :3] = self.R
         into[VEL, :3], into[POS, :3] = skew(self.v).dot(self.R), skew(self.p).dot(self.R)
@@ -189,7 +189,7 @@ class WindowFilter:
         self._select(np.concatenate([np.arange(at), np.arange(POSE.stop), np.arange(at, len(self.cov))]))
 
     def drop(self, number: int) -> None:
-        """Forget the pose of a frame, and the points that are told from it."""
+        """Remove the pose of a frame, and the points relative to it."""
         self.release({point.number for point in self.points if point.anchor == number})
         index = self.index_of(number)
         del self.clones[index]
@@ -198,17 +198,17 @@ class WindowFilter:
 
     @property
     def clones_end(self) -> int:
-        """Where the points begin in the error vector."""
+        """The index at which the points begin in the error vector."""
         return MOTION + CLONE * len(self.clones)
 
     def hold(self, point: HeldPoint, sigma: float, inverse_sigma: float, like: int | None) -> None:
-        """Estimate a point from now on.
+        """Add a point to the state.
 
         Args:
-            point: the point, told from a pose of the window.
+            point: the point, relative to a pose of the window.
             sigma: of its normalised coordinates.
             inverse_sigma: of its inverse depth, in 1/m.
-            like: which of the points held is about as far away, but for the sigma; None if that is not known.
+            like: a held point whose distance is correlated with this one's; None if there is none.
         """
         size = len(self.cov)
         cov = np.zeros((size + POINT, size + POINT))
@@ -223,14 +223,14 @@ class WindowFilter:
         self.points.append(point)
 
     def release(self, numbers: Container[int]) -> None:
-        """Estimate points no more."""
+        """Remove points from the state."""
         gone = np.array([point.number in numbers for point in self.points], np.bool_)
         if gone.any():
             self._select(np.flatnonzero(np.concatenate([np.ones(self.clones_end, np.bool_), np.repeat(~gone, POINT)])))
             self.points = [point for point in self.points if point.number not in numbers]
 
     def blur_points(self, sigma: float) -> None:
-        """Admit that the points held have wandered, by a normalised coordinate's sigma."""
+        """Add process noise to the held points, by the sigma of a normalised coordinate."""
         rows = self.clones_end + np.arange(POINT * len(self.points)).reshape(-1, POINT)[:, :2].ravel()
         self.cov[rows, rows] += sigma**2
 
@@ -238,20 +238,20 @@ class WindowFilter:
         self.cov = self.cov[np.ix_(rows, rows)]
 
     def index_of(self, number: int) -> int:
-        """Return which clone is that of a frame. Raises KeyError if there is none."""
+        """Return the index of a frame's clone. Raises KeyError if there is none."""
         for index, clone in enumerate(self.clones):
             if clone.number == number:
                 return index
         raise KeyError(number)
 
     def nis(self, jacobian: Array, residual: Array, sigma: float) -> float:
-        """Return the normalised innovation squared of a measurement, as :meth:`update` has it."""
+        """Return the normalised innovation squared of a measurement; arguments as of :meth:`update`."""
         innovation = jacobian.dot(self.cov).dot(jacobian.T)
         innovation[np.diag_indices_from(innovation)] += sigma * sigma
         return float(residual.dot(np.linalg.solve(innovation, residual)))
 
     def update(self, jacobian: Array, residual: Array, sigma: float) -> Array:
-        """Take in a measurement (Joseph form); return the error vector by which the state has moved.
+        """Update with a measurement (Joseph form); return the error vector by which the state has moved.
 
         Args:
             jacobian: [M, size] of the measured with respect to the errors.
@@ -262,8 +262,8 @@ class WindowFilter:
         innovation = jacobian.dot(spread)
         innovation[np.diag_indices_from(innovation)] += sigma * sigma
         gain = np.linalg.solve(innovation, spread.T).T
-        # How far away held points are is considered and never learnt (Schmidt): it is a factor of the motion, whose
-        # error would be taken for knowledge of it.
+        # The distance of held points is considered and never estimated (Schmidt): it scales the motion, and the
+        # motion's error would count as information on it.
         gain[self.clones_end + 2 :: POINT] = 0.0
         left = -gain.dot(jacobian)
         left[np.diag_indices_from(left)] += 1.0
@@ -313,7 +313,7 @@ def _orthonormal(rotation: Array) -> Array:
 
 
 def invariant_cov(cov: Array, R: Array, p: Array, v: Array) -> Array:
-    """Return the covariance [15, 15] of the filter's errors for that of a warm start.
+    """Convert the covariance [15, 15] of a warm start to the filter's errors.
 
     Args:
         cov: of attitude (right perturbation, rad), position (m), velocity (m/s), gyro bias, accelerometer bias.

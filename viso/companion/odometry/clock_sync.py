@@ -23,7 +23,7 @@ class _Sample:
 
 
 class ClockSync:
-    """Asks the autopilot for its time, keeps the best answers, and answers what it asks.
+    """Sends TIMESYNC requests, keeps the best answers, and answers the autopilot's requests.
 
     Times are nanoseconds; the companion's are those of its monotonic clock.
     """
@@ -34,13 +34,13 @@ class ClockSync:
 
     @property
     def offset_ns(self) -> int | None:
-        """What to add to the autopilot's time to get the companion's, or None before the first good answer."""
+        """The companion's time less the autopilot's, or None before the first good answer."""
         best = self._best()
         return None if best is None else best.offset_ns
 
     @property
     def round_trip_ns(self) -> int | None:
-        """How long the best answer took there and back, or None before the first good one."""
+        """The round trip of the best answer, or None before the first good one."""
         best = self._best()
         return None if best is None else best.round_trip_ns
 
@@ -50,7 +50,7 @@ class ClockSync:
         return TIMESYNC(0, now_ns)
 
     def take(self, message: TIMESYNC, arrival_ns: int) -> TIMESYNC | None:
-        """Take in a message; return the answer to be sent at once if it is a request."""
+        """Handle a message; return the answer to send at once if it is a request."""
         if message.tc1 == 0:
             return TIMESYNC(max(arrival_ns, 1), message.ts1)  # with 0 it would be a request
         if message.ts1 not in self._outstanding:

@@ -3,7 +3,7 @@
 """From poses relative to keyframes to a pose in one local frame.
 
 The local frame L has z up and its origin in the first pose: with north as its alignment it is ENU, else x points along
-the first heading. It becomes NED or LOCAL_FRD at the edge only, see :mod:`viso.companion.odometry.message`.
+the first heading. It is converted to NED or LOCAL_FRD only for the message, see :mod:`viso.companion.odometry.message`.
 """
 
 import dataclasses
@@ -52,9 +52,9 @@ class _Keyframe:
 class OdometryComposer:
     """Keeps the last keyframe's pose and covariance, and composes each output with them.
 
-    Where a strategy has changed its mind about a keyframe, the poses follow: at once if that moves the keyframe by more
-    than 0.5 m or 0.1 rad, else by a tenth of what is left with each output. The covariance stays what it was, as
-    it is not known how much better the new place is known.
+    When a strategy refines a keyframe, the poses follow: at once if the keyframe moves by more than 0.5 m or 0.1 rad,
+    else by a tenth of the rest with each output. The covariance stays unchanged, because that of the refined pose is
+    unknown.
 
     If a strategy states the covariance of all its relative poses together, that is used; else they are taken
     to err independently.
@@ -62,11 +62,11 @@ class OdometryComposer:
     Args:
         alignment: of the local frame; None for north if the heading is known at the first pose, else the first heading.
         world_is_north: whether the strategy's world has an absolute yaw; else the autopilot's yaw is needed.
-        agl_scale_sigma: relative error of the scale, the same all the way, as a wrong height above ground makes it.
+        agl_scale_sigma: relative error of the scale, constant over the flight, as from a wrong height above ground.
 
     Attributes:
         alignment: of the local frame, once it is known.
-        jumps: how often an output has moved the keyframe at once.
+        jumps: number of outputs that moved the keyframe at once.
     """
 
     def __init__(
@@ -82,13 +82,13 @@ class OdometryComposer:
         self._keyframe: _Keyframe | None = None
         self._L_T_W = SE3.identity()
         self._began = SE3.identity()  # L_T_W when the local frame, or its last part, began
-        self._to_blend: Array = np.zeros(6)  # what the keyframe has yet to move by, in its own axes
+        self._to_blend: Array = np.zeros(6)  # the rest of the keyframe's refinement, in its own axes
         self.jumps = 0
         self._start, self._start_covariance = SE3.identity(), np.zeros((6, 6))
 
     @property
     def up(self) -> Array:
-        """The vertical in the local frame, by the last output: the strategy goes on learning it from gravity."""
+        """The vertical in the local frame, from the last output; the strategy keeps estimating it from gravity."""
         return self._L_T_W.R[:, 2]
 
     def knows(self, keyframe_id: uuid.UUID) -> bool:
@@ -101,7 +101,7 @@ class OdometryComposer:
         It is not while the frame is to be aligned to north and north is not known.
 
         Args:
-            output: its world's vertical is taken as true.
+            output: the vertical of its world is taken as true.
             body_yaw_rad: ENU yaw of the body at that time, from the autopilot, None while unknown.
         """
         world_T_body = _normalised(output.world_T_body)
@@ -121,15 +121,15 @@ class OdometryComposer:
         return True
 
     def place_in_world(self, output: VioOutput) -> SE3:
-        """Return where an output's world pose is, if the world is still that of the last composed output."""
+        """Return an output's world pose in the local frame, if its world is that of the last composed output."""
         return self._L_T_W @ _normalised(output.world_T_body)
 
     def restart(self, output: VioOutput, pose: LocalPose) -> None:
-        """Go on from another pose, whose relation to the keyframe before is not known.
+        """Restart from another pose, whose relation to the last keyframe is not known.
 
         Args:
             output: the first one that refers to the new keyframe.
-            pose: the body at that time, and how well it is known; the output's own covariance comes on top.
+            pose: the body at that time, with its covariance; the output's own covariance is added.
         """
         K_T_B = _normalised(output.relative_pose_T)
         to_keyframe = K_T_B.adjoint()
@@ -170,7 +170,7 @@ class OdometryComposer:
         return self.compose(output)
 
     def _refine(self, keyframe: _Keyframe, world_T_keyframe: SE3 | None) -> _Keyframe:
-        """Return a keyframe where the strategy places it now."""
+        """Return a keyframe at its refined pose."""
         if world_T_keyframe is not None:
             better = self._began @ _normalised(world_T_keyframe)
             self._to_blend = (keyframe.L_T_K.inverse() @ better).log()
@@ -192,5 +192,5 @@ class OdometryComposer:
 
 
 def _normalised(pose: SE3) -> SE3:
-    # Each factor may be off by 1e-6; over many keyframes that would add up.
+    # Each factor may be off by 1e-6, which would accumulate over many keyframes.
     return SE3.from_quat_wxyz(pose.quat_wxyz(), pose.t)

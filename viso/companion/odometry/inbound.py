@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the flight controller sends: inertial data, attitude and height, in the companion's axes, units and time."""
+"""Messages of the flight controller: inertial data, attitude and height in the companion's axes, units and time."""
 
 import math
 from collections import Counter, deque
@@ -60,16 +60,16 @@ class FcAttitude:
 
 
 class _Refused(Exception):
-    """Carries the reason why a message is of no use."""
+    """Carries the reason why a message is refused."""
 
 
 class FcInbound:
-    """Takes messages of the autopilot; whatever is refused is counted with its reason.
+    """Handles messages of the autopilot; refused ones are counted by reason.
 
     Args:
         on_imu: gets each sample, in strictly increasing order of time.
-        on_height: gets each height above ground: when, on the companion's clock, and the height in m, the lean of the
-            vehicle taken off.
+        on_height: gets each height above ground: when, on the companion's clock, and the height in m, corrected for the
+            vehicle's tilt.
 
     Attributes:
         counters: how many messages of which kind were taken, and how many refused for which reason.
@@ -96,7 +96,7 @@ class FcInbound:
         return self._imu_arrival_ns is None or now_ns - self._imu_arrival_ns > SOURCE_TIMEOUT_NS
 
     def take(self, message: Message, arrival_ns: int) -> None:
-        """Take a message that arrived at a time; those of no interest are left alone. Never raises on its contents."""
+        """Handle a message with its time of arrival; other kinds are ignored. Never raises because of its contents."""
         name = type(message).__name__
         try:
             if isinstance(message, _Imu):
@@ -156,7 +156,7 @@ class FcInbound:
 
     def _time_ns(self, stream: str, kind: type[Message], fc_ns: int, arrival_ns: int) -> int:
         t_ns = self._clock.to_companion_ns(fc_ns, arrival_ns, self._mean_period_ns(kind, arrival_ns))
-        # A stamp far off would let nothing pass after it; after a step of a clock the next answer to TIMESYNC helps.
+        # A stamp far off would block all later ones; after a clock step the next TIMESYNC answer corrects it.
         if t_ns < arrival_ns - MAX_AGE_NS:
             raise _Refused("too_old")
         if t_ns > arrival_ns + MAX_AHEAD_NS:
@@ -173,7 +173,7 @@ class FcInbound:
 
 
 def stream_requests(rates_hz: Mapping[str, float], target_system: int = 1) -> tuple[COMMAND_LONG, ...]:
-    """Return the commands that ask an autopilot for messages.
+    """Return the commands that request messages from an autopilot.
 
     Args:
         rates_hz: by the message's name.
@@ -209,7 +209,7 @@ def _ned_R_frd(message: _Attitude) -> Array:
         angles = (message.roll, message.pitch, message.yaw)
         if not all(map(math.isfinite, angles)):
             raise _Refused("not_finite")
-        if not any(angles):  # what ArduPilot sends before it has an attitude
+        if not any(angles):  # ArduPilot's value before it has an attitude
             raise _Refused("no_attitude")
         roll, pitch, yaw = (so3_exp(vector) for vector in np.diag(angles))
         ned_R_frd: Array = yaw.dot(pitch).dot(roll)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between camera frames: the last state, carried on with the IMU."""
+"""Propagation of the last state with the IMU between camera frames."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _POSE: Final = np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionState:
-    """How the body moves at an instant.
+    """The motion of the body at an instant.
 
     Attributes:
         velocity_b: in m/s, FLU.
@@ -52,7 +52,7 @@ class _Motion:
 
 
 class OdometryPropagator:
-    """Carries the last corrected state over the inertial data since its stamp.
+    """Propagates the last corrected state with the inertial data since its stamp.
 
     Args:
         velocity_sigma_m_s: of each axis of the velocity that comes with a camera frame.
@@ -67,7 +67,7 @@ class OdometryPropagator:
         self._motion: _Motion | None = None
 
     def add_imu(self, sample: ImuSample) -> bool:
-        """Take in a sample; return False, and leave it out, if it is not newer than the last one."""
+        """Add a sample; return False, and ignore it, if it is not newer than the last one."""
         if self._samples and sample.t_ns <= self._samples[-1].t_ns:
             return False
         self._samples.append(sample)
@@ -125,7 +125,7 @@ class OdometryPropagator:
         return _Motion(t_ns, rotation, rotation.dot(velocity_b), pose.L_T_B.t, P, gravity)
 
     def _carried_on(self) -> _Motion | None:
-        """Carry the motion on to the newest sample, and keep and return it."""
+        """Propagate the motion to the newest sample, store it and return it."""
         motion = self._motion
         if motion is not None and self._samples and self._samples[-1].t_ns > motion.t_ns:
             window = ImuWindow(motion.t_ns, self._samples[-1].t_ns, self._samples_since(motion.t_ns))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The companion as a MAVLink component that does odometry: its messages and their times."""
+"""The companion as a MAVLink odometry component: its messages and their times."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ class OdometrySender:
 
     Args:
         link: the wire to the autopilot.
-        odometry: returns the message to be sent at a time in us, or None.
+        odometry: returns the message to send at a time in us, or None.
         clock: gets the TIMESYNC messages.
         inbound: gets all others of the autopilot.
         config: the rate, and the ids of the sender; the autopilot has the same system id.
@@ -33,7 +33,7 @@ class OdometrySender:
         start_us: when the companion is up.
 
     Attributes:
-        counters: how many messages of which kind were sent, and what was received in vain.
+        counters: messages sent by kind, and unusable ones received.
         texts: the last ones of the autopilot.
     """
 
@@ -60,11 +60,11 @@ class OdometrySender:
         self.texts: deque[STATUSTEXT] = deque(maxlen=TEXTS)
 
     def next_due_us(self) -> int:
-        """Return when ``run`` has something to send next; what arrives before is taken in then."""
+        """Return the time at which ``run`` has something to send next; earlier arrivals are handled then."""
         return min(self._mavlink.heartbeat_us, self._next_request_us, self._next_odometry_us)
 
     def run(self, now_us: int) -> None:
-        """Take in what has arrived and send what is due; what a late call has missed is not made up for."""
+        """Handle arrivals and send due messages; messages missed by a late call are skipped."""
         self._receive(now_us)
         for heartbeat in self._mavlink.heartbeats(now_us):
             self.send(heartbeat)

@@ -62,17 +62,17 @@ class ResetCounter:
             self.jump()
 
     def jump(self) -> None:
-        """Note that the pose has moved at once and the vehicle has not."""
+        """Note a jump of the pose without motion of the vehicle."""
         self.value = (self.value + 1) % 256
 
 
 class OdometrySource:
-    """Makes the ODOMETRY message of any instant; for one thread that works on frames and one that serves the link.
+    """Makes the ODOMETRY message of any instant; one thread may process frames while another serves the link.
 
     A strategy that restarts goes on from the last pose, or, with a warm start, from that one in the world that it
     had. A camera without frames loses the pose just as one that sees nothing: after 1 s without an output
     the state counts as degraded, after 3 s as lost. It counts as degraded too while the sigma of the position that is
-    sent is above ``max_position_sigma_m``, which a strategy that knows no more than its last keyframe cannot know.
+    sent is above ``max_position_sigma_m``, which a strategy with only its last keyframe cannot judge.
 
     Args:
         config: of the odometry.
@@ -81,7 +81,7 @@ class OdometrySource:
         yaw_at: returns the autopilot's ENU yaw in rad at a time, None while unknown; asked until there is a pose.
 
     Attributes:
-        counters: how many frames were used, and how many not for which reason.
+        counters: numbers of frames used, and of frames not used by reason.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class OdometrySource:
         self._jumps = 0  # of the composer, at the last output
 
     def take_imu(self, sample: ImuSample) -> None:
-        """Carry the state on to an inertial sample."""
+        """Propagate the state to an inertial sample."""
         with self._lock:
             if not self._propagator.add_imu(sample):
                 self.counters["imu_refused_not_later"] += 1
@@ -130,7 +130,7 @@ class OdometrySource:
                 self.counters[self._take_output(result)] += 1
 
     def message(self, now_us: int) -> ODOMETRY | None:
-        """Return the message to be sent at a time, or None if there is none."""
+        """Return the message to send at a time, or None."""
         with self._lock:
             frame, alignment, newest = self._frame, self._composer.alignment, self._propagator.state()
             if frame is None or alignment is None or newest is None:
@@ -146,7 +146,7 @@ class OdometrySource:
                 reset_counter=self._resets.value,
                 quality=quality,
                 encoding=self._encoding,
-                # The stamp of a lost pose goes on: one that stands still would upset the autopilot's idea of our clock.
+                # The stamp of a lost pose advances: a constant one would disturb the autopilot's jitter correction.
                 time_us=now_us if health is VioState.LOST else None,
             )
 
@@ -197,7 +197,7 @@ class OdometrySource:
 
 
 def quality_of(state: VioState, features: FeatureQuality, innovation_ratio: float) -> int | None:
-    """Return what goes into the message: 50..100 tracking, 1..49 degraded, -1 lost; None if none may be sent.
+    """Return the message's quality: 50..100 tracking, 1..49 degraded, -1 lost; None if no message may be sent.
 
     Never 0, which the message defines as unknown.
 

@@ -26,13 +26,13 @@ from viso.companion.vio.types import HeightMeasurement, ImuSample, NavCameraFram
 
 
 class FrameMailbox:
-    """A source of frames that another thread puts in (FrameSource)."""
+    """A source of frames that another thread supplies (FrameSource)."""
 
     def __init__(self) -> None:
         self._frames: queue.SimpleQueue[NavCameraFrame | None] = queue.SimpleQueue()
 
     def put(self, frame: NavCameraFrame | None) -> None:
-        """Let ``read`` return a frame, or None for the end."""
+        """Make ``read`` return a frame, or None for the end."""
         self._frames.put(frame)
 
     def read(self) -> NavCameraFrame | None:
@@ -40,7 +40,7 @@ class FrameMailbox:
         return self._frames.get()
 
     def close(self) -> None:
-        """Let a ``read`` under way return."""
+        """Make a waiting ``read`` return."""
         self._frames.put(None)
 
 
@@ -64,7 +64,7 @@ class RecordingFeed:
         self._shift_ns = 0
 
     def begin(self, start_ns: int) -> int:
-        """Let the recording begin at a time; return what that adds to its stamps, in ns."""
+        """Start the recording at a time; return the offset that is added to its stamps, in ns."""
         if self._next is not None:
             self._shift_ns = start_ns - self._next.t_ns
         self._due_ns = start_ns
@@ -84,7 +84,7 @@ class RecordingFeed:
         return self._due_ns
 
     def deliver(self, now_ns: int) -> None:
-        """Deliver what is due. Raises SourceError if the recording cannot be read on."""
+        """Deliver the due data. Raises SourceError if the recording cannot be read further."""
         while self._next is not None and (due_ns := self.next_due_ns()) is not None and due_ns <= now_ns:
             self._put(self._next)
             self._next = next(self._events, None)
@@ -101,7 +101,7 @@ class RecordingFeed:
 
 NOW_NS: Final = time.monotonic_ns
 LONGEST_WAIT_S: Final = 0.1
-"""How long to wait at once, so that a signal is heeded soon."""
+"""The longest single wait, so that a signal is handled soon."""
 LAST_FRAME_S: Final = 2.0
 _NORTH_STREAMS: Final[Mapping[str, float]] = {"ATTITUDE": 20.0}
 _CAMERA_STREAMS: Final[Mapping[str, float]] = {
@@ -113,7 +113,7 @@ _CAMERA_STREAMS: Final[Mapping[str, float]] = {
 
 
 class LiveVio:
-    """An odometry at work.
+    """A running odometry.
 
     The companion's clock is the machine's; a recording is moved there, as if it happened now.
 
@@ -194,7 +194,7 @@ class LiveVio:
         return self._link is not None and self._link.stats.bytes_in > 0
 
     def run(self, stop: Callable[[], bool], *, delay_s: float = 0.0, until_s: float | None = None) -> None:
-        """Work until the source ends, or for so long.
+        """Run until the source ends or a time limit is reached.
 
         Args:
             delay_s: how long to wait before the first frame.
@@ -216,7 +216,7 @@ class LiveVio:
                 self._step()
 
     def close(self) -> None:
-        """End an odometry that has not run: a strategy may have a program of its own."""
+        """Close an odometry that has not run: its strategy may have started a program."""
         self._runtime.stop()
 
     def sent(self) -> dict[str, int]:
@@ -225,12 +225,12 @@ class LiveVio:
         return {name: count for name, count in sorted(counters.items()) if not name.startswith("received")}
 
     def take_imu(self, sample: ImuSample) -> None:
-        """Take what the IMU measured."""
+        """Add an IMU sample."""
         self._buffer.add(sample)
         self._odometry.take_imu(sample)
 
     def take_height(self, height: HeightMeasurement) -> None:
-        """Take a height above ground."""
+        """Add a height above ground."""
         self._runtime.pipeline.strategy.add_height(height.t_ns, height.height_m, height.sigma_m)
 
     def _is_over(self, end_ns: int | None) -> bool:
@@ -239,7 +239,7 @@ class LiveVio:
         return self._runtime.wait(0.0) or (end_ns is not None and self._now_ns() >= end_ns)
 
     def _step(self) -> None:
-        """Do what is due, then wait for what comes next."""
+        """Handle what is due, then wait for the next event."""
         now_ns = self._now_ns()
         due_ns = [now_ns + round(LONGEST_WAIT_S * 1e9)]
         if self._feed is not None:

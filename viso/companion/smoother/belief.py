@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the smoother said last, as the state of a filter that carries it on to the present.
+"""The smoother's last result, as the state of a filter that propagates it to the present.
 
 The filter's errors are invariant, ``T = Exp(e) T_hat``; the smoother's are right perturbations.
 """
@@ -20,7 +20,7 @@ _LEARNT: Final = 0.1  # share of its variance that a direction must have lost to
 
 
 def motion_of(state: WindowFilter) -> Motion:
-    """Return how the body moves now."""
+    """Return the present motion of the body."""
     return Motion(state.pose, state.v.copy(), state.bias)
 
 
@@ -33,10 +33,10 @@ def smoother_cov(state: WindowFilter) -> Array:
 
 
 def adopt(state: WindowFilter, motion: Motion, poses: Mapping[int, SE3], cov: Array) -> None:
-    """Let a filter believe a smoother.
+    """Set a filter's state from a smoother.
 
     Args:
-        state: the filter; what it believed is gone.
+        state: the filter, whose state is replaced.
         motion: now.
         poses: of past nodes by their numbers, the keyframe's last.
         cov: [15 + 6 N, 15 + 6 N] of all.

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The smoother with its landmarks, and what carries its result on from node to frame.
+"""The smoother with its landmarks, and the filter that propagates its result from node to frame.
 
-A body that hardly moves shows where it looks from and not how far away things are: there are no landmarks, or wrong
-ones. As long as that lasts, the baseline's filter takes the place of the smoother: it can hold points without that.
-It does so for good over ground whose height is measured, plane or not: it knows what such a height says.
+While a body hardly moves, the distance of points is unobservable: there are no landmarks, or wrong ones. The baseline's
+filter then replaces the smoother, because it can hold points of unknown distance. Over ground whose height is measured,
+plane or not, it does so for good, because it can use such a height.
 """
 
 import math
@@ -29,11 +29,11 @@ from viso.companion.vio.types import ImuSample, ImuWindow
 from viso.geometry.pose import SE3
 from viso.geometry.rotation import Array
 
-EARLY_NODES: Final = 4  # the first with landmarks: where things are is hardly known
+EARLY_NODES: Final = 4  # the first with landmarks, whose positions are uncertain
 EARLY_PASSES: Final = 4
 FEWEST_LANDMARKS: Final = 8  # below that, they do not hold the position
 STEP_NODES: Final = 4  # in which a body that moves shows landmarks
-FILTER_SIGMA_SHARE: Final = 0.5  # points wander less from picture to picture than while they are landmarks
+FILTER_SIGMA_SHARE: Final = 0.5  # points wander less between two pictures than over a landmark's life
 _WINDOW_CLONES: Final = 11
 _FILTER_SIGHTINGS: Final = 3
 _RATIO_KEPT: Final = 0.9
@@ -47,8 +47,8 @@ class Node:
     Attributes:
         number: larger than those before.
         plane: the ground, if all points lie on it or its height right below is known.
-        height: how high the body is in the world, and the sigma, both in m; None if that is not known.
-        depth_m: a guess, rather too small, of how far away points are.
+        height: height of the body in the world and its sigma, both in m; None if unknown.
+        depth_m: a low guess of the distance of points.
     """
 
     number: int
@@ -65,11 +65,11 @@ class NodeFacts:
     """Outcome of a node.
 
     Attributes:
-        begins: whether the smoother restarted with it: it has to be a keyframe, as no node before is known any more.
+        begins: whether the smoother restarted with it; it must be a keyframe, because all earlier nodes are gone.
         failed: whether the equations could not be solved.
-        is_filtered: whether a filter has taken the place of the smoother; its points count as landmarks.
+        is_filtered: whether a filter has replaced the smoother; its points count as landmarks.
         landmarks: seen, new ones among them.
-        agreeing: those where they were expected, in the end.
+        agreeing: those at their expected place after the solution.
         mre_sigmas: mean reprojection error of those, in sigmas; 0 for none.
         depth_m: median distance of those, along the view; 1 for none.
     """
@@ -84,14 +84,14 @@ class NodeFacts:
 
 
 class SmootherEstimator:
-    """A smoother that is fed with what the front end sees.
+    """A smoother fed by the front end.
 
     Args:
         state: where to begin.
         sigma: of a normalised coordinate.
 
     Attributes:
-        state: what is known now; its last clone is the keyframe, at first the first node.
+        state: the present state; its last clone is the keyframe, at first the first node.
         innovation_ratio: running mean of the normalised innovation squared per degree of freedom.
         chain: of the poses since the start, None before there is one and after the smoother has restarted.
     """
@@ -115,7 +115,7 @@ class SmootherEstimator:
         self._keyframe = 0
 
     def propagate(self, window: ImuWindow) -> None:
-        """Move on by inertial data; where they are missing, the smoother has to restart."""
+        """Propagate by inertial data; a gap in them makes the smoother restart."""
         samples = bracketed(window)
         if not self.state.carry_on(window, samples):
             self._smoother = None
@@ -128,7 +128,7 @@ class SmootherEstimator:
     def add_node(self, node: Node) -> NodeFacts:
         """Take in a frame.
 
-        If the smoother cannot, the state goes on by inertial data alone, and the next node restarts from it.
+        If the smoother fails, the state continues on inertial data alone, and the next node restarts from it.
         """
         try:
             if node.plane is not None:
@@ -141,7 +141,7 @@ class SmootherEstimator:
             return NodeFacts(failed=True)
 
     def set_keyframe(self, number: int) -> None:
-        """Let the last node be the keyframe; until the next node, the state knows the one before as well."""
+        """Make the last node the keyframe; until the next node, the state also has the previous one."""
         state, self._keyframe = self.state, number
         if state.clones[-1].number == number:
             return
@@ -151,14 +151,14 @@ class SmootherEstimator:
         state.clone(number)
 
     def begin_chain(self, keyframe: int) -> None:
-        """Let the chain of poses begin with the last node, which is told from a keyframe."""
+        """Begin the chain of poses with the last node, which is relative to a keyframe."""
         number = max(self._times_ns)
         if all(clone.number != number for clone in self.state.clones):
             self.state.clone(number, first=True)
         self.chain = Chain(self.state, number, keyframe)
 
     def relief_share(self) -> float | None:
-        """Return how much points differ in height, as a share of their distance; None if there is no telling."""
+        """Return the height differences of points as a share of their distance; None if unknown."""
         tracks = self._book.longest(self._poses)
         if not tracks:
             return None
@@ -215,18 +215,18 @@ class SmootherEstimator:
         return self._judge(smoother, [one for one in seen if one.number == node.number])
 
     def _parallax_rad(self) -> float:
-        """Return the parallax that the last nodes show; NaN if there is no telling."""
+        """Return the parallax of the last nodes; NaN if unknown."""
         last = list(self._poses)[-STEP_NODES:]
         return self._book.parallax_rad(self._poses, last) if len(last) == STEP_NODES else math.nan
 
     def _stand_in(self) -> WindowEstimator:
-        """Return a filter that takes the place of the smoother."""
+        """Return a filter that replaces the smoother."""
         self._used = TracksUsed()
         sigma = FILTER_SIGMA_SHARE * self._sigma
         return WindowEstimator(self.state, self._B_T_C, sigma, _WINDOW_CLONES, _FILTER_SIGHTINGS)
 
     def _go_on(self, filtered: WindowEstimator, node: Node) -> NodeFacts:
-        """Take in a frame without the smoother, which restarts when the body moves."""
+        """Add a frame without the smoother, which restarts when the body moves."""
         self._remember(node, self.state.pose)
         self._book.note(node.number, node.sighting)
         self._restart_imu()
@@ -270,7 +270,7 @@ class SmootherEstimator:
         self._since_bias = self.state.bias
 
     def _judge(self, smoother: LagSmoother, seen: list[LandmarkSighting]) -> NodeFacts:
-        """Compare landmarks with where they should be seen now, and forget those that are elsewhere."""
+        """Compare sightings of landmarks with predictions, and remove landmarks that do not fit."""
         if not seen:
             return NodeFacts()
         camera_T_world = (self.state.pose @ self._B_T_C).inverse()

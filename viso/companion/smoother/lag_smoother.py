@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The door to gtsam: a graph of poses, velocities, biases and landmarks, solved over the last seconds.
+"""The only use of gtsam: a graph of poses, velocities, biases and landmarks, solved over the last seconds.
 
 It is the incremental smoother of Kaess et al., iSAM2, 2012, without what is older than the lag: that is marginalised.
 gtsam's poses err by right perturbations, rotation first, as ours do; its biases have the accelerometer first.
@@ -29,7 +29,7 @@ except ImportError as error:
 
 LAG_S: Final = 3.0
 STILL_VELOCITY_SIGMA_M_S: Final = 0.02
-LANDMARK_SIGMA_M: Final = 20.0  # how far from where it is expected a landmark may be
+LANDMARK_SIGMA_M: Final = 20.0  # largest distance of a landmark from its expected position
 MOTION: Final = 15
 _HUBER: Final = 1.345  # sigmas up to which an error counts in full
 _RELINEARIZE: Final = 0.01  # m, rad, m/s: about a pixel near by
@@ -39,12 +39,12 @@ _NORMALISED: Final = gtsam.Cal3_S2(1.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class SmootherError(Exception):
-    """The equations could not be solved; this smoother is of no use any more."""
+    """The equations could not be solved; the smoother is unusable from now on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """How the body moves.
+    """The motion of the body.
 
     Attributes:
         pose: world_T_body.
@@ -89,7 +89,7 @@ class LagSmoother:
         params = gtsam.ISAM2Params()
         params.setRelinearizeThreshold(_RELINEARIZE)
         params.relinearizeSkip = 1
-        params.findUnusedFactorSlots = True  # else their list grows for ever
+        params.findUnusedFactorSlots = True  # otherwise their list grows without limit
         params.setFactorization("QR")  # a bias that hardly walks is too stiff for Cholesky's
         self._smoother = gtsam.IncrementalFixedLagSmoother(LAG_S, params)
         self._clear()
@@ -117,7 +117,7 @@ class LagSmoother:
         self._graph.add(gtsam.PriorFactorVector(V(self._last), np.zeros(3), noise))
 
     def add_height(self, up_m: float, sigma_m: float) -> None:
-        """Add how high the body is in the world at the last node."""
+        """Add a height of the body in the world at the last node."""
         east_m, north_m, _ = self._values.atPose3(X(self._last)).translation()
         noise = _robust(gtsam.noiseModel.Diagonal.Sigmas(np.array([_ANYWHERE_M, _ANYWHERE_M, sigma_m])))
         self._graph.add(gtsam.GPSFactor(X(self._last), np.array([east_m, north_m, up_m]), noise))
@@ -134,7 +134,7 @@ class LagSmoother:
         self._graph.add(gtsam.PriorFactorPoint3(L(landmark), position, noise))
 
     def add_sightings(self, sightings: Iterable[LandmarkSighting], sigma: float) -> None:
-        """Add what was seen.
+        """Add sightings of landmarks.
 
         Args:
             sightings: of landmarks, from nodes that are not older than the lag.
@@ -149,11 +149,11 @@ class LagSmoother:
             self._stamps[L(seen.landmark)] = self._t_s  # a landmark older than the lag takes no more factors
 
     def solve(self, passes: int = 1, keep: Iterable[int] = ()) -> None:
-        """Take in what was added, and forget what is older than the lag.
+        """Solve with all added factors, and remove nodes older than the lag.
 
         Args:
-            passes: how often the equations are made again, at most.
-            keep: nodes whose poses are not to be forgotten for another lag.
+            passes: largest number of relinearisations.
+            keep: nodes whose poses are kept for another lag.
         """
         self._stamps |= {X(number): self._t_s for number in keep}
         with _solvable():
@@ -170,14 +170,14 @@ class LagSmoother:
             return SE3(pose.rotation().matrix(), pose.translation())
 
     def motion(self) -> Motion:
-        """Return how the body moves at the last node."""
+        """Return the motion at the last node."""
         with _solvable():
             bias = self._estimate.atConstantBias(B(self._last))
             velocity_w = self._estimate.atVector(V(self._last))
             return Motion(self.pose(self._last), velocity_w, ImuBias(bias.accelerometer(), bias.gyroscope()))
 
     def points(self, landmarks: Iterable[int]) -> Array:
-        """Return where landmarks are in the world, [N, 3]."""
+        """Return the positions of landmarks in the world, [N, 3]."""
         with _solvable():
             return np.array([self._estimate.atPoint3(L(landmark)) for landmark in landmarks]).reshape(-1, 3)
 

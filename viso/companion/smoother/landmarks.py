@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which tracked points are landmarks, which are to become some, and where those are."""
+"""Selection of landmarks from tracked points, and the positions of new ones."""
 
 import math
 from collections.abc import Container, Mapping, Sequence
@@ -31,7 +31,7 @@ _Track = dict[int, tuple[float, float]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NewLandmark:
-    """A point that is to become a landmark.
+    """A point that becomes a landmark.
 
     Attributes:
         position: [3] in the world.
@@ -44,7 +44,7 @@ class NewLandmark:
 
 
 class LandmarkBook:
-    """Collects sightings of points until they can be landmarks, and remembers which they became.
+    """Collects sightings of points until they can become landmarks, and stores the landmarks' numbers.
 
     Args:
         sigma: of a normalised coordinate.
@@ -68,7 +68,7 @@ class LandmarkBook:
         self._landmarks.clear()
 
     def note(self, number: int, sighting: Sighting) -> list[LandmarkSighting]:
-        """Note what a node shows; return the sightings of landmarks. Points that it does not show are gone for good."""
+        """Add the sightings of a node; return those of landmarks. Points that it does not show are dropped for good."""
         before, self._tracks = self._tracks, {}
         seen = []
         for point, (u, v) in zip(sighting.ids.tolist(), sighting.normalised.tolist(), strict=True):
@@ -79,9 +79,9 @@ class LandmarkBook:
         return seen
 
     def discover(self, poses: Mapping[int, SE3]) -> list[NewLandmark]:
-        """Return points that become landmarks: seen often enough, from places that are far enough apart.
+        """Return points that become landmarks: seen often enough, from positions far enough apart.
 
-        Old landmarks are given up, while there is motion enough to find their points again.
+        Old landmarks are dropped while there is enough motion to triangulate their points again.
 
         Args:
             poses: world_T_body of nodes; sightings from others do not count.
@@ -121,7 +121,7 @@ class LandmarkBook:
         return sorted((track for track in tracks if len(track) >= FEWEST_SIGHTINGS), key=len)[-MOST_TRACKS:]
 
     def drop(self, landmarks: Container[int]) -> None:
-        """Forget landmarks and what was seen of them; their points may become others."""
+        """Remove landmarks and their sightings; their points may become new ones."""
         for point in [point for point, landmark in self._landmarks.items() if landmark in landmarks]:
             del self._landmarks[point]
             self._tracks[point] = {}

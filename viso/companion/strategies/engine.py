@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An engine, which is a program of its own, as a strategy. Needs the extra vio.
+"""A strategy that runs an engine as a separate program. Needs the extra vio.
 
-A program that ends, hangs or sends something impossible takes nothing with it: the strategy is in INIT, the program is
-started again with a later frame, and goes on from the last good state, carried on by the IMU. After some failures in a
+A program that exits, hangs or sends impossible data does not end the strategy: it goes to INIT, restarts the program
+with a later frame, and continues from the last good state, propagated by the IMU. After some failures in a
 row without a pose the strategy is LOST, as any other.
 """
 
@@ -50,7 +50,7 @@ BACKOFF_S: Final = (0.0, 0.5, 1.0, 2.0, 4.0)
 """From a failure to the next start, for the first failure in a row, the second and so on, in time of the frames."""
 MOST_FAILURES: Final = len(BACKOFF_S)
 LONGEST_COAST_S: Final = 3.0
-"""How long the IMU alone carries a state on that an engine is started from."""
+"""The longest propagation by the IMU alone of a state that an engine is started from."""
 USUAL_PERIOD_NS: Final = 5_000_000
 ENOUGH_SAMPLES: Final = 10  # for a median that a gap does not move
 PATIENCE_NS: Final = 10_000_000_000  # how long an engine may take to begin with the state that it got
@@ -189,7 +189,7 @@ class EngineStrategy(StrategyBase):
         self._forget(initialising=start is None)
 
     def _forget(self, *, initialising: bool) -> None:
-        self._initialising = initialising  # whether a state would be the engine's own finding
+        self._initialising = initialising  # whether the engine has to find a state by itself
         self._given_ns = None if initialising else self._t_ns  # when the engine got a state
         self._rest = RestWatch(self._calibration, self.context.config)
         self._keyframe: _Keyframe | None = None
@@ -202,14 +202,14 @@ class EngineStrategy(StrategyBase):
     # A program that fails
 
     def _note(self, window: ImuWindow) -> None:
-        """Note inertial data, as long as they may be of use."""
+        """Store inertial data for as long as they may be needed."""
         if self._good is not None:
             self._good.windows.append(window)
             if window.end_t_ns - self._good.t_ns > LONGEST_COAST_S * 1e9:
                 self._good = None
 
     def _restarted(self) -> EngineSession:
-        """Start the program again, from what is known of the state."""
+        """Restart the program from the known state."""
         self._counters["restarts"] += 1
         session = self.session = self._started()
         start = None if self._good is None else self._good.carried_on(self.context.config.imu_noise)
@@ -234,7 +234,7 @@ class EngineStrategy(StrategyBase):
     # A frame
 
     def _follow(self, session: EngineSession, frame: NavCameraFrame, window: ImuWindow) -> Result:
-        """Give the program a frame; return what comes of its answer."""
+        """Send a frame to the program; return the result of its answer."""
         t_ns = window.end_t_ns
         with self.stage("grey"):
             image = self._images.make(frame.pixels)
@@ -284,7 +284,7 @@ class EngineStrategy(StrategyBase):
         return self._conclude(facts, output)
 
     def _start_at_rest(self, session: EngineSession, image: Pixels, window: ImuWindow) -> None:
-        """Give an engine that needs motion its state as soon as the body has stood still."""
+        """Send the state at rest to an engine that needs motion, once the body has stood still."""
         with self.stage("rest"):
             start = self._rest.update(image, window)
         if start is not None and (self._given_ns is None or window.end_t_ns - self._given_ns > PATIENCE_NS):
@@ -308,7 +308,7 @@ class EngineStrategy(StrategyBase):
         return window_fault(window, self._period_ns)
 
     def _take_covariance(self, window: ImuWindow, age_s: float, estimate: Estimate) -> bool:
-        """Keep the engine's covariance if it is sound, else let the last one grow; return whether it was sound."""
+        """Use the engine's covariance if it is sound, else grow the last one; return whether it was sound."""
         covariance = stated_covariance(estimate)
         self._has_covariance = covariance is not None
         if covariance is None:
@@ -363,7 +363,7 @@ class EngineStrategy(StrategyBase):
         )
 
     def _judge_scale(self, output: VioOutput) -> None:
-        """Find out, where a keyframe ends, whether the engine knows its distance from the one before."""
+        """Judge, at the end of a keyframe, whether the engine has observed its distance from the previous one."""
         moved = output.relative_pose_T.R.T.dot(output.relative_pose_T.t)
         distance2 = float(moved.dot(moved))
         if self._has_covariance and output.is_keyframe and distance2 > 0:

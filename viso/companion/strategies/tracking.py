@@ -66,7 +66,7 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedFrame:
-    """A frame as the estimator gets it: with its inertial data, and the points that were tracked to it.
+    """A frame for the estimator, with its inertial data and tracked points.
 
     Attributes:
         window: the inertial data since the frame before.
@@ -107,7 +107,7 @@ class TrackingStrategy(StrategyBase):
 
     @abc.abstractmethod
     def _update(self, tracked: TrackedFrame) -> Result:
-        """Give a frame to the estimator, which has moved on to it; return what ``_answer`` returns."""
+        """Update the estimator, already propagated, with a frame; return the result of ``_answer``."""
 
     def _reset(self, start: WarmStartPose | None) -> None:
         self._front.forget()
@@ -132,7 +132,7 @@ class TrackingStrategy(StrategyBase):
 
     def _begin(self, world_T_body: SE3, velocity_w: Array, bias: ImuBias, cov: Array) -> None:
         config, R, here = self.context.config, world_T_body.R, np.zeros(3)
-        # The estimator's world has its origin here: its errors are turns about that, best not from far away.
+        # The estimator's world has its origin here: its errors are rotations about the origin, which should be near.
         self._origin = world_T_body.t
         self._ground = Ground(config, float(self._origin[2]))
         cov = invariant_cov(cov, R, here, velocity_w)
@@ -169,13 +169,13 @@ class TrackingStrategy(StrategyBase):
         return Below(*taken)
 
     def _watch_ground(self, plane: Plane | Below | None, relief_share: Callable[[], float | None]) -> None:
-        """Measure how much the points differ in height, if that matters."""
+        """Measure the height differences of the points, if needed."""
         if self._ground.is_rough or plane is not None:
             self._ground.note_relief(relief_share())
             self._front.planar = self.context.config.scene is Scene.PLANAR and not self._ground.is_rough
 
     def _update_at_rest(self, state: WindowFilter, span_ns: int) -> bool:
-        """Update the filter with standing still, if nothing has moved for a while; return whether it did."""
+        """Update the filter with zero velocity after a while without motion; return whether it did."""
         # Inertial data count once, though each frame looks back over the same span.
         share = min(1.0, span_ns / SPAN_NS)
         return self._stillness.is_still() and stand_still(state, self._stillness.means()[0], share)
@@ -186,8 +186,8 @@ class TrackingStrategy(StrategyBase):
         """Return the keyframe that a frame refers to, and whether the frame has become the next one.
 
         Args:
-            must: whether it has to become one.
-            may: whether it does where the last one is outdated.
+            must: whether it must become one.
+            may: whether it becomes one if the last is outdated.
         """
         last, t_ns, rotation = self._keyframe, tracked.window.end_t_ns, state.R.dot(self._B_T_C.R)
         sighting = tracked.sighting
@@ -199,7 +199,7 @@ class TrackingStrategy(StrategyBase):
         return reference, is_next
 
     def _move(self, window: ImuWindow) -> tuple[Array, Array]:
-        """Propagate; return the rotation of the camera since the last frame, and where directions should have gone."""
+        """Propagate; return the camera's rotation since the last frame, and the expected map of directions."""
         estimator = self._estimator
         if estimator is None or window.end_t_ns == window.start_t_ns:
             rotation = turn_of_camera(window, self.context.config.imu_noise, self._B_T_C.R)
@@ -234,7 +234,7 @@ class TrackingStrategy(StrategyBase):
             innovation_ratio: running mean of their normalised innovation squared per degree of freedom.
             depth_m: of the scene; None for a frame that did not measure how the body has moved.
             is_refused: whether nothing that was measured agreed with the state.
-            has_failed: whether the estimator could not deal with the frame at all.
+            has_failed: whether the estimator could not process the frame.
             leaves_scale_open: whether nothing has fixed the scale yet.
             start_covariance_6x6: of the pose since the start, None if that is not known.
         """
@@ -290,7 +290,7 @@ class TrackingStrategy(StrategyBase):
 
 
 def _limit_threads(count: int) -> None:
-    """Let the libraries for pictures and for linear algebra use so many threads, in all of this process.
+    """Set the number of threads of the libraries for pictures and linear algebra, in the whole process.
 
     The matrices of a filter are small: two threads take longer for them than one, and eight times as long where
     another program keeps the second core busy.

@@ -16,7 +16,7 @@ from viso.companion.vio.types import VioHealth, VioState
 MIN_COVERAGE: Final = 0.25
 MAX_MRE_PX: Final = 3.0
 MAX_GROWTH: Final = 4.0  # of a variance
-WELL_KNOWN_M_S: Final = 0.1  # no motion that is known to that since its keyframe has grown too much
+WELL_KNOWN_M_S: Final = 0.1  # an uncertainty below this since the keyframe is never too large
 GROWTH_FRAMES: Final = 50
 MAX_INNOVATION_RATIO: Final = 4.0
 LOST_INLIERS: Final = 8
@@ -49,7 +49,7 @@ OnTransition = Callable[[VioState, VioState, str], None]
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """How well the translation since the keyframe is known; of each frame in motion.
+    """The uncertainty of the translation since the keyframe, for each frame in motion.
 
     Attributes:
         trace_m2: of its covariance, before inflation.
@@ -131,11 +131,11 @@ class HealthMachine:
 
     @property
     def resets(self) -> int:
-        """How often INIT was left after the first time: each is a jump for whoever follows the pose."""
+        """The number of exits from INIT after the first; each is a jump of the pose."""
         return max(self._times_left_init - 1, 0)
 
     def snapshot(self) -> VioHealth:
-        """Return the health; never blocks, from whatever thread."""
+        """Return the health; never blocks, from any thread."""
         return self._health
 
     def feed(self, facts: FrameFacts, t_ns: int) -> tuple[VioState, str]:
@@ -215,7 +215,7 @@ class HealthMachine:
         return INNOVATION_REFUSED if facts.innovation_refused else None
 
     def _degraded_reason(self, facts: FrameFacts) -> str | None:
-        # Each is asked for what it should be, so that a NaN is a problem too.
+        # Each check states the good case, so that a NaN is a problem too.
         if facts.inliers < self._config.min_tracked:
             return FEW_INLIERS
         if not facts.coverage >= MIN_COVERAGE:
@@ -233,12 +233,12 @@ class HealthMachine:
         return facts.imu_fault or (SCALE_UNOBSERVED if facts.scale_unobserved else None)
 
     def _is_usual(self, growth: Growth) -> bool:
-        """Return whether a translation is known as well as others were, or well enough.
+        """Return whether a translation's uncertainty is like that of earlier ones, or small enough.
 
-        Half as well from twice the depth; and a keyframe that is older than theirs lets the variance grow with time. A
-        younger one earns nothing: the variance has a floor, which is the noise of the points.
+        The allowed sigma doubles at twice the depth, and grows with a keyframe older than the earlier ones. A younger
+        keyframe does not lower it, because the noise of the points is a floor.
         """
-        if len(self._usual) < GROWTH_FRAMES:  # nothing is usual yet
+        if len(self._usual) < GROWTH_FRAMES:  # nothing to compare with yet
             return math.isfinite(growth.trace_m2)
         if math.sqrt(max(growth.trace_m2, 0.0)) <= WELL_KNOWN_M_S * growth.age_s:
             return True

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Inertial data: the newest ones, those between two frames, whether they are complete, and steps to integrate over."""
+"""Inertial data: a ring buffer, the window between two frames, gap detection, and integration steps."""
 
 import itertools
 from bisect import bisect_left, bisect_right
@@ -38,7 +38,7 @@ class ImuBuffer:
         """Make an empty buffer.
 
         Args:
-            capacity: number of samples; the oldest give way.
+            capacity: number of samples; new ones replace the oldest.
             wait: given the condition (held), what is waited for, and the longest time in s.
 
         Raises:
@@ -51,7 +51,7 @@ class ImuBuffer:
         self._wait = wait
 
     def add(self, sample: ImuSample) -> bool:
-        """Append a sample; return False, and leave it out, if its time is not later than the last one's."""
+        """Append a sample; return False, and ignore it, if its time is not later than the last one's."""
         with self._changed:
             if self._samples and sample.t_ns <= self._samples[-1].t_ns:
                 return False
@@ -62,7 +62,7 @@ class ImuBuffer:
     def window(self, t0_ns: int, t1_ns: int, wait_s: float = WAIT_S) -> ImuWindow:
         """Return the samples from the last one at or before ``t0_ns`` to the first one at or after ``t1_ns``.
 
-        Waits for the latter, and then returns what there is.
+        Waits for the latter, then returns the available samples.
 
         Args:
             t0_ns: stamp of the frame before.
@@ -134,7 +134,7 @@ class ImuPeriod:
         self._last_ns: int | None = None
 
     def fault(self, window: ImuWindow) -> str | None:
-        """Take in the next window; return what is wrong with it, as ``window_fault`` does.
+        """Add the next window; return its fault, as ``window_fault`` does.
 
         Windows overlap at their ends. One without any duration, as before the first frame, has no faults.
         """

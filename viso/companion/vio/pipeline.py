@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The way of a frame from the camera to its result; read it from top to bottom.
+"""The path of a frame from the camera to its result, in order from top to bottom.
 
 :class:`VioPipeline` takes a frame and the inertial data since the last one, gives both to the strategy, and the result
 to its listeners; :class:`~viso.companion.odometry.source.OdometrySource` is the one that makes ODOMETRY of it.
-:class:`StrategyBase` checks the frame, lets the estimator work on it, and judges by its health what came of it.
+:class:`StrategyBase` checks the frame, passes it to the estimator, and judges the result by its health.
 """
 
 import abc
@@ -41,7 +41,7 @@ Listener = Callable[[Result], object]
 
 
 class VioPipeline:
-    """Gives each frame, with its inertial data, to the strategy, and the result to the listeners.
+    """Passes each frame, with its inertial data, to the strategy, and the result to the listeners.
 
     All but ``request_warm_start`` belongs to one thread.
 
@@ -70,10 +70,10 @@ class VioPipeline:
         self._warm_starts.append(pose)
 
     def process(self, frame: NavCameraFrame, dropped: int = 0) -> Result | None:
-        """Process a frame, and give its result to the listeners.
+        """Process a frame, and pass its result to the listeners.
 
         Args:
-            dropped: how many frames gave way to newer ones, since the start.
+            dropped: number of frames dropped for newer ones since the start.
 
         Returns:
             The result, or None for a frame that is not processed: one that is not later than the one before, or any in
@@ -95,7 +95,7 @@ class VioPipeline:
         self.lose(reason)
 
     def lose(self, reason: str) -> None:
-        """Give the listeners a loss that no frame gives: the last result, without its output."""
+        """Report a loss without a frame to the listeners: the last result, without its output."""
         self._error("vio_lost", f"VIO LOST: {reason}; strategy={self.strategy.name}")
         if self._last is not None:
             self._publish(self._last if isinstance(self._last, Lost) else self._last.lost(reason))
@@ -159,7 +159,7 @@ class StrategyBase(abc.ABC):
 
     Attributes:
         name: in the registry; given by each class.
-        context: what it was built from.
+        context: the context that it was built from.
         health: INIT, TRACKING, DEGRADED or LOST, from what ``_conclude`` gets; its snapshot is for any thread.
     """
 
@@ -195,7 +195,7 @@ class StrategyBase(abc.ABC):
                             return self._made(Lost)
                         self._reset(None)
                     return self._process(frame, imu_window)
-                except Exception as error:  # also a library's, about a state or a picture that it cannot deal with
+                except Exception as error:  # also those of libraries, about a state or a picture that they reject
                     self._fail(error)
                     return self._made(Lost)
 
@@ -307,7 +307,7 @@ class StrategyBase(abc.ABC):
         """Release all system resources; nothing is processed after that."""
 
     def counters(self) -> Mapping[str, int]:
-        """Return how often what else has happened since the start, for the results."""
+        """Return counts of other events since the start, for the results."""
         return {}
 
     @contextlib.contextmanager
