@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reports of aircraft as the MAVLink message ADSB_VEHICLE, out and in.
+"""Conversion of aircraft reports to and from the MAVLink message ADSB_VEHICLE.
 
 Source: common.xml (ADSB_VEHICLE, ADSB_FLAGS, ADSB_ALTITUDE_TYPE).
 """
@@ -20,7 +20,7 @@ MAX_AGE_S: Final = 0xFF
 
 
 class AdsbFlags(IntFlag):
-    """What of a message is valid."""
+    """The valid fields of a message."""
 
     COORDS = 1
     ALTITUDE = 2
@@ -31,7 +31,7 @@ class AdsbFlags(IntFlag):
 
 
 class AltitudeType(IntEnum):
-    """What an altitude is above."""
+    """The reference of an altitude."""
 
     PRESSURE_QNH = 0
     GEOMETRIC = 1
@@ -40,8 +40,8 @@ class AltitudeType(IntEnum):
 def to_message(report: AircraftReport, now_s: float) -> ADSB_VEHICLE:
     """Return the message of a report.
 
-    A report does not know whether its zeros were told: a speed and heading of 0 are marked as not valid. Numbers
-    beyond those that the message can hold become the largest that it can. ``now_s`` is on the report's clock.
+    In a report zero may mean unknown, so a speed and heading of 0 are marked as not valid. Numbers are limited to the
+    range of the message. ``now_s`` is on the report's clock.
     """
     flags = AdsbFlags.COORDS
     if report.altitude_ft is not None:
@@ -68,10 +68,10 @@ def to_message(report: AircraftReport, now_s: float) -> ADSB_VEHICLE:
 
 
 def from_message(message: ADSB_VEHICLE, arrival_s: float) -> AircraftReport:
-    """Return the report that a message holds; it is older than its arrival by the age that it tells, in whole seconds.
+    """Return the report in a message; its time is that of arrival less the age in the message, in whole seconds.
 
-    What its flags do not vouch for is not told. Raises ValueError, naming the field, if the address is not ICAO's or
-    the position not valid.
+    Fields that its flags do not mark as valid are unknown. Raises ValueError, naming the field, if the address is not
+    an ICAO address or the position is not valid.
     """
     flags = AdsbFlags(message.flags)
     if not 0 < message.ICAO_address <= MAX_ICAO:

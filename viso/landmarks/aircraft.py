@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Aircraft around the vehicle: from what they tell by ADS-B to their place, velocity and attitude in ENU.
+"""Aircraft around the vehicle: from ADS-B reports to position, velocity and attitude in ENU.
 
-ADS-B tells pressure altitude (1013.25 hPa), the vehicle has one above mean sea level or the ellipsoid. An offset for
-today's pressure, where known, makes them agree; without it heights are off by some 8 m per hPa.
+ADS-B reports pressure altitude (1013.25 hPa); the vehicle's is above mean sea level or the ellipsoid. An offset for the
+present pressure, if known, corrects for that; without it heights are off by some 8 m per hPa.
 """
 
 import math
@@ -42,9 +42,10 @@ class _Track:
 
 
 class AircraftTracker:
-    """The last report of every aircraft, and how fast it turns.
+    """The last report and the turn rate of every aircraft.
 
-    One whose report is 15 s from now, also if it is later, is not there. The offset is added to pressure altitudes.
+    An aircraft whose report is more than 15 s away from now, earlier or later, is left out. The offset is added to
+    pressure altitudes.
     """
 
     def __init__(self, mode: FrameMode = FrameMode.WGS84, qnh_offset_m: float | None = None) -> None:
@@ -53,19 +54,19 @@ class AircraftTracker:
         self._tracks: dict[str, _Track] = {}
 
     def add(self, report: AircraftReport) -> None:
-        """Take a report; one that is a little older than the last of its aircraft is passed over."""
+        """Add a report; one slightly older than the last of its aircraft is ignored."""
         track = self._tracks.get(report.icao)
-        # Far apart, either way, is a new start: long silence, or a clock that was set.
+        # A large step either way is a new start: long silence, or a clock that was set.
         if track is None or abs(report.t_s - track.report.t_s) > STALE_AFTER_S:
             self._tracks[report.icao] = _Track(report)
         elif report.t_s >= track.report.t_s:
             self._tracks[report.icao] = _Track(report, _turn_rate_rad_s(track, report))
 
     def states(self, now_s: float, origin: GeodeticPoint) -> tuple[AircraftState, ...]:
-        """Return the aircraft that are there, in the order of their addresses.
+        """Return the present aircraft, ordered by address.
 
-        Their origin has latitude and longitude of the vehicle now, and the altitude of the ground that its camera's
-        height counts from. Without a fix, (0, 0), there is no aircraft.
+        Their origin has the vehicle's present latitude and longitude, and the altitude of the ground that its camera's
+        height is measured from. Without a fix, (0, 0), there is no aircraft.
         """
         if not origin.is_fix:
             return ()
@@ -114,7 +115,7 @@ def drawn(state: AircraftState) -> bool:
 
 
 def _turn_rate_rad_s(track: _Track, report: AircraftReport) -> float | None:
-    """Return the turn rate about up, an exponential mean: headings grow clockwise, so their change counts negative."""
+    """Return the turn rate about up, an exponential mean; headings grow clockwise, so the sign is reversed."""
     dt_s = report.t_s - track.report.t_s
     if not 0 < dt_s < _LONGEST_TURN_S:
         return track.turn_rate_rad_s
@@ -130,7 +131,7 @@ def state_vectors_record(
 ) -> dict[str, Any] | None:
     """Return the state vectors of vehicle and aircraft as a record for JSON; None without a fix.
 
-    An unknown height of the vehicle is told as 0, that of an aircraft as null.
+    An unknown height of the vehicle is 0, that of an aircraft is null.
     """
     if not origin.is_fix:
         return None
@@ -144,7 +145,7 @@ def state_vectors_record(
         },
         "vehicle": {
             "pose": _pose(vehicle.x_m, vehicle.y_m, vehicle.z_m or 0.0, orientation),
-            "twist": _twist(np.zeros(3), 0.0),  # not known
+            "twist": _twist(np.zeros(3), 0.0),  # unknown
         },
         "aircraft": [_aircraft(state) for state in states],
     }

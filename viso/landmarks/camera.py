@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The camera of ``viso landmarks``, from a file and from single settings; what is wrong is told in one line."""
+"""The camera of ``viso landmarks``, from a file and from single settings; errors are one line."""
 
 import json
 import math
@@ -21,18 +21,18 @@ _DEG: Final = "_deg"
 KEYS: Final[Mapping[str, str]] = MappingProxyType(
     {field.name.replace("_rad", _DEG): field.name for field in fields(Camera)}
 )
-"""What a user writes, and the camera's attribute; angles are written in degrees."""
+"""The names of settings, and the camera's attributes; settings of angles are in degrees."""
 
 
 def camera_of(file: Path | None, settings: Sequence[str]) -> tuple[Camera, bool]:
-    """Return the camera, and whether its intrinsics are the user's.
+    """Return the camera, and whether the user gave its intrinsics.
 
     Args:
         file: TOML with the names of ``KEYS``, or JSON with K, width and height; None for the defaults.
-        settings: ``NAME=VALUE``, with the same names; they win.
+        settings: ``NAME=VALUE``, with the same names; they override the file.
 
     Raises:
-        InputError: if something is wrong with them; names it.
+        InputError: if the file or a setting is invalid; names it.
     """
     values = {} if file is None else _of_file(file)
     for setting in settings:
@@ -78,7 +78,7 @@ def _of_file(path: Path) -> dict[str, Any]:
 
 
 def _of_camera_info(path: Path, text: str) -> dict[str, Any]:
-    """Return the intrinsics of a record; none of one that is not calibrated."""
+    """Return the intrinsics of a record; an uncalibrated one has none."""
     reader = JsonReader()
     try:
         line = json.dumps(parsed_json(text))

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which errors of heading, mounting and time explain the innovations of many pictures, and how well they are known.
+"""A fit of heading, mounting and time errors to the innovations of many pictures, with uncertainties.
 
-A first look takes medians, which a few wrong matches do not move: at each delay of a grid, bearings of what was seen
+A first estimate uses medians, which a few wrong matches do not move: at each delay of a grid, bearings of detections
 are compared with those of the landmarks. From the best delay, Gauss-Newton with Cauchy's weights (Triggs et al.,
-Bundle Adjustment: A Modern Synthesis, section 3) goes on in pixels, and a last round takes what is left as normal
-noise. Uncertainties hold for pixel noise that is independent from one detection to the next.
+Bundle Adjustment: A Modern Synthesis, section 3) continues in pixels, and a last step treats the remaining residuals as
+normal noise. Uncertainties assume that pixel noise is independent between detections.
 """
 
 import math
@@ -31,17 +31,16 @@ from viso.landmarks.types import Camera, Detections, Landmark, VehiclePose
 
 EARLIEST_S: Final = -0.3
 LATEST_S: Final = 0.7
-"""Delays between these are looked for."""
+"""The search range of the delay is from ``EARLIEST_S`` to this."""
 LONGEST_GAP_S: Final = 1.0
-"""Between poses that are further apart nothing is known."""
+"""Poses further apart are not interpolated."""
 FEWEST_DETECTIONS: Final = 10
 LEAST_MOTION_PX_S: Final = 10.0
-"""What a tenth of the landmarks must exceed in the picture: less is the noise of a vehicle that stands."""
+"""The motion in the picture that a tenth of the landmarks must exceed; less is the noise of a vehicle at rest."""
 PRIOR_SIGMA: Final = (1.0, 1.0, 0.5)
-"""Of yaw and pitch in rad and delay in s, about 0: what is believed without data. Data that do not halve it tell
-nothing; a delay that they do not tell makes, for a vehicle that only turns, the yaw as uncertain as it should be."""
+"""Prior sigmas of yaw and pitch in rad and delay in s; data that do not halve one leave it undetermined."""
 _GRID_S: Final = 0.025
-_GRID_DETECTIONS: Final = 4000  # are enough for a first look
+_GRID_DETECTIONS: Final = 4000  # are enough for the first estimate
 _STEPS: Final = np.array([1e-5, 1e-5, 5e-3])  # for differences; the last spans some of the poses' corners
 _ROBUST_ROUNDS, _LAST_ROUNDS = 30, 6
 _CONVERGED: Final = np.array([1e-7, 1e-7, 1e-5])
@@ -53,14 +52,14 @@ _LEAST_NOISE_PX: Final = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class PoseErrors:
-    """What would explain the innovations; with each its standard deviation, both None where the data do not tell.
+    """The errors that explain the innovations, each with its standard deviation; both None if undetermined.
 
     Attributes:
-        yaw_offset_rad, yaw_sigma_rad: what to add to the reported yaw.
-        pitch_trim_rad, pitch_sigma_rad: what to add to the camera's pitch trim.
+        yaw_offset_rad, yaw_sigma_rad: correction to add to the reported yaw.
+        pitch_trim_rad, pitch_sigma_rad: correction to add to the camera's pitch trim.
         delay_s, delay_sigma_s: by how much the stamps of the pictures are late.
-        used, rejected: how many detections agree with this, and how many do not, or could not be compared.
-        rms_px: of what is left of the innovations used, per axis; None without any.
+        used, rejected: number of detections that agree, and of those that do not or could not be compared.
+        rms_px: root mean square of the used innovations' residuals, per axis; None without any.
     """
 
     yaw_offset_rad: float | None
@@ -79,8 +78,9 @@ def fit_pose_errors(
 ) -> PoseErrors:
     """Fit yaw offset, pitch trim and delay to pictures of landmarks.
 
-    Pictures so near to the first or the last pose that a delay could lead beyond it are left out. Poses may come in any
-    order; of those with the same time the last counts.
+    Pictures that a delay could move outside the time of the poses are left out. Poses may come in any order; of those
+    with
+    the same time the last counts.
     """
     detections = _matches(landmarks, pictures)
     track = _Track(poses)
@@ -123,7 +123,7 @@ def _matches(landmarks: Sequence[Landmark], pictures: Sequence[Detections]) -> _
 
 
 class _Track:
-    """Poses by time, and between them."""
+    """Poses over time, with interpolation."""
 
     def __init__(self, poses: Sequence[VehiclePose]) -> None:
         by_time = {pose.t_s: pose for pose in poses}
@@ -135,7 +135,7 @@ class _Track:
         self._turns = np.array([so3_log(one.T @ other) for one, other in pairwise(self._attitudes)]).reshape(-1, 3)
 
     def at(self, t_s: Array) -> tuple[Array, Array, Array]:
-        """Return positions [N, 3], NaN where no poses are near on both sides, yaws [N] and attitudes [N, 3, 3]."""
+        """Return positions [N, 3], NaN without near poses on both sides, yaws [N] and attitudes [N, 3, 3]."""
         before = np.clip(np.searchsorted(self.t_s, t_s, side="right") - 1, 0, len(self.t_s) - 2)
         gap_s = self.t_s[before + 1] - self.t_s[before]
         share = (t_s - self.t_s[before]) / gap_s
@@ -157,12 +157,12 @@ class _Model:
         self.matches = matches
 
     def thinned(self, count: int) -> "_Model":
-        """Return the same with about as many detections, from the whole time."""
+        """Return a model with about ``count`` detections, spread over the whole time."""
         step = max(len(self.matches) // count, 1)
         return _Model(self._camera, self._track, self.matches.where(slice(None, None, step)))
 
     def innovations_px(self, errors: Array) -> Array:
-        """Return observed less predicted [N, 2]; NaN where that cannot be."""
+        """Return observed less predicted pixels [N, 2]; NaN without a prediction."""
         yaw_rad, pitch_rad, delay_s = errors.tolist()
         camera = replace(self._camera, pitch_trim_rad=self._camera.pitch_trim_rad + pitch_rad)
         to_landmarks, attitudes = self._lines_of_sight(yaw_rad, delay_s)
@@ -170,7 +170,7 @@ class _Model:
         return self.matches.uv_px - to_pixels(camera, turned(camera_R_body(camera), in_body)).uv_px
 
     def bearing_errors_rad(self, delay_s: float) -> tuple[Array, Array]:
-        """Return bearing and elevation [N] of the landmarks less those of what was seen, without other errors."""
+        """Return bearing and elevation [N] of the landmarks less those of the detections, at a delay alone."""
         to_landmarks, attitudes = self._lines_of_sight(0.0, delay_s)
         seen = turned(camera_R_body(self._camera).T, rays(self._camera, self.matches.uv_px))
         azimuth, elevation = _angles(to_landmarks)
@@ -205,7 +205,7 @@ class _Fitted:
 
 
 def _first_look(model: _Model) -> tuple[Array, bool]:
-    """Return errors [3] to start from, and whether there is motion that tells a delay."""
+    """Return initial errors [3], and whether there is enough motion to determine a delay."""
     few = model.thinned(_GRID_DETECTIONS)
     at_once = _medians(few, 0.0)[0]
     if not _moves(few, at_once):
@@ -215,7 +215,7 @@ def _first_look(model: _Model) -> tuple[Array, bool]:
 
 
 def _medians(model: _Model, delay_s: float) -> tuple[Array, float]:
-    """Return the errors [3] at a delay, and how far a detection in the middle is from them, in rad."""
+    """Return the median errors [3] at a delay, and the median deviation from them in rad."""
     azimuths, elevations = model.bearing_errors_rad(delay_s)
     known = np.isfinite(azimuths)
     if not known.any():
@@ -243,7 +243,7 @@ def _slopes(model: _Model, errors: Array) -> Array:
 
 
 def _refine(model: _Model, start: Array, tells_delay: bool) -> _Fitted | None:
-    """Return the fit that is best by Cauchy's measure, then by least squares of what agrees with it."""
+    """Return the best fit with Cauchy's weights, then with least squares over its inliers."""
     errors, sigma_px = start, _LEAST_NOISE_PX
     for _ in range(_ROBUST_ROUNDS):
         innovations, slopes = _linear(model, errors, tells_delay)
@@ -274,7 +274,7 @@ def _least_squares(model: _Model, errors: Array, sigma_px: float, tells_delay: b
 
 
 def _linear(model: _Model, errors: Array, tells_delay: bool) -> tuple[Array, Array]:
-    """Return innovations [M, 2] and their slopes [M, 2, 3], of those that have them."""
+    """Return the finite innovations [M, 2] and their slopes [M, 2, 3]."""
     innovations, slopes = model.innovations_px(errors), _slopes(model, errors)
     known = np.isfinite(innovations).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
     innovations, slopes = innovations[known], slopes[known]
@@ -284,7 +284,7 @@ def _linear(model: _Model, errors: Array, tells_delay: bool) -> tuple[Array, Arr
 
 
 def _solve(errors: Array, innovations: Array, slopes: Array, weights: Array) -> tuple[Array, Array]:
-    """Return the step of Gauss-Newton [3] and the covariance [3, 3] of what it leads to."""
+    """Return the step of Gauss-Newton [3] and the covariance [3, 3] of the result."""
     prior = np.diag(1 / np.square(PRIOR_SIGMA))
     rows, lefts = slopes.reshape(-1, 3), innovations.reshape(-1)
     weighted = rows * np.repeat(weights, 2)[:, np.newaxis]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The inputs of ``viso landmarks`` that go on: links, standard input, and files that grow; and aircraft passed on."""
+"""The live inputs of ``viso landmarks``: links, standard input and growing files; and the forwarding of aircraft."""
 
 import os
 import select
@@ -31,9 +31,9 @@ from viso.landmarks.recordings import SBS_SCHEME, STANDARD_INPUT, AnyLines, is_l
 from viso.landmarks.types import AircraftReport, Event
 
 NOW_S: Final = time.time
-"""Arrivals are by the time of day, which receivers of ADS-B and telemetry logs have as well."""
+"""The clock of arrivals is the time of day, as in ADS-B receivers and telemetry logs."""
 LONGEST_WAIT_S: Final = 0.1
-"""How long to wait at once, so that a signal is heeded soon."""
+"""The longest single wait, so that a signal is handled soon."""
 CHUNK_BYTES: Final = 1 << 16
 RATES_HZ: Final = {"ATTITUDE": 20.0, "LOCAL_POSITION_NED": 20.0, "GLOBAL_POSITION_INT": 5.0}
 MAV_COMP_ID_ADSB: Final = 156
@@ -44,11 +44,11 @@ _Reader = TypeVar("_Reader", bound=AnyLines | LineReader | FileReader | MavlinkS
 
 
 class Source(ABC, Generic[_Reader]):
-    """Something that tells events as they come, until it is over.
+    """A live source of events, until its end.
 
     Args:
-        name: as the user has given it.
-        reader: makes events of what comes.
+        name: as given by the user.
+        reader: makes events from the received data.
     """
 
     def __init__(self, name: str, reader: _Reader) -> None:
@@ -58,7 +58,7 @@ class Source(ABC, Generic[_Reader]):
 
     @property
     def refused(self) -> Counter[str]:
-        """What was of no use, by reason."""
+        """The number of unusable records by reason."""
         return self._reader.refused
 
     def fileno(self) -> int:
@@ -67,15 +67,15 @@ class Source(ABC, Generic[_Reader]):
 
     @abstractmethod
     def poll(self, now_s: float) -> list[Event]:
-        """Return what has come since the last time, without waiting."""
+        """Return the events since the last call, without waiting."""
 
     def finish(self, now_s: float) -> list[Event]:
-        """Return what a last, unfinished line tells."""
+        """Return the events of a last, unfinished line."""
         return []
 
 
 def standard_lines(descriptor: int, stop: Callable[[], bool]) -> Iterator[str]:
-    """Yield the lines of a descriptor to its end, or until it is enough."""
+    """Yield the lines of a descriptor to its end, or until stopped."""
     splitter = LineSplitter()
     while not stop():
         if not select.select([descriptor], [], [], LONGEST_WAIT_S)[0]:
@@ -88,7 +88,7 @@ def standard_lines(descriptor: int, stop: Callable[[], bool]) -> Iterator[str]:
 
 
 class _Lines(Source[AnyLines | LineReader]):
-    """What tells events line by line."""
+    """A source of events in lines."""
 
     def __init__(self, name: str, reader: AnyLines | LineReader) -> None:
         super().__init__(name, reader)
@@ -139,7 +139,7 @@ class SbsLink(_Lines):
 
 
 class VehicleLink(Source[MavlinkStream]):
-    """An autopilot on a link, which is asked for what is needed; half a frame at the end tells nothing."""
+    """An autopilot on a link, from which messages are requested; half a frame at the end has no events."""
 
     def __init__(self, name: str, link: Link) -> None:
         super().__init__(name, MavlinkStream())
@@ -175,7 +175,7 @@ class WholeFile(Source[FileReader]):
 
 
 class Snapshots(Source[Dump1090Reader]):
-    """A snapshot of dump1090 that is rewritten again and again."""
+    """A snapshot of dump1090 that is rewritten periodically."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(str(path), Dump1090Reader())
@@ -189,20 +189,20 @@ class Snapshots(Source[Dump1090Reader]):
             if mark == self._last:
                 return []
             text = self._path.read_text(encoding="utf-8", errors="replace")
-        except OSError:  # between the old and the new one there may be none
+        except OSError:  # the file may be missing between the old and the new one
             return []
         self._last = mark
         return self._reader.take(text, now_s)
 
 
 class Live:
-    """All inputs, as they go on.
+    """All live inputs.
 
     Args:
         names: of links, files, or ``-``.
-        options: of the files.
+        options: options of the files.
         standard_input: its descriptor.
-        now_s: tells when something arrives.
+        now_s: returns the time of arrival.
 
     Raises:
         InputError: if a file cannot be read.
@@ -231,9 +231,9 @@ class Live:
         self._stack.close()
 
     def events(self, stop: Callable[[], bool], until_s: float | None = None) -> Iterator[Event]:
-        """Yield what comes until it is enough, or all is over; then what had come by then, to the last line.
+        """Yield events until stopped or all inputs end; then the events that had arrived, to the last line.
 
-        Raises InputError if a file cannot be read on.
+        Raises InputError if a file cannot be read further.
         """
         end_s = None if until_s is None else self._now_s() + until_s
         while not stop() and (end_s is None or self._now_s() < end_s):
@@ -248,7 +248,7 @@ class Live:
             yield from source.finish(self._now_s())
 
     def refused(self) -> Mapping[str, Mapping[str, int]]:
-        """Return what was of no use so far, by input and reason."""
+        """Return the number of unusable records so far, by input and reason."""
         return {source.name: dict(source.refused) for source in self._sources if source.refused}
 
     def _polled(self) -> list[Event]:
@@ -311,7 +311,7 @@ def _record(text: str) -> object:
 
 
 class AircraftSender:
-    """Passes the aircraft that a receiver hears on to an autopilot, as that receiver would (ADSB_VEHICLE)."""
+    """Forwards the aircraft of a receiver to an autopilot, as ADSB_VEHICLE."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
@@ -319,7 +319,7 @@ class AircraftSender:
         self.sent = 0
 
     def take(self, event: Event) -> None:
-        """Take what happened; all but reports of aircraft is passed over, and so is what the autopilot answers."""
+        """Send an event if it is a report of an aircraft; other events, and the autopilot's answers, are ignored."""
         while self._link.receive():
             pass
         if isinstance(event, AircraftReport):

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""East, north and up of a place on the globe: on a sphere as older programs have it, or on the WGS 84 ellipsoid.
+"""East, north and up of a place on the globe: on a sphere, as in older programs, or on the WGS 84 ellipsoid.
 
-The sphere is off by 0.03 to 0.5 % of the range, and it knows no curvature: 5 m of height at 8 km, 71 m at 30 km.
+The sphere is off by 0.03 to 0.5 % of the range, and ignores curvature: 5 m of height at 8 km, 71 m at 30 km.
 The ellipsoid needs pymap3d, from the extra ``landmarks``.
 """
 
@@ -24,7 +24,7 @@ MISSING_EXTRA: Final = f"the frame wgs84 needs pymap3d: {pip_install('landmarks'
 
 
 class FrameMode(StrEnum):
-    """How degrees become metres."""
+    """The conversion of degrees to metres."""
 
     SPHERICAL = "spherical"
     WGS84 = "wgs84"

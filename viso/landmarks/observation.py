@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a point of the world appears in a camera that looks ahead: a pinhole on a vehicle, by its yaw or its attitude.
+"""Projection of points of the world into a forward-looking pinhole camera on a vehicle, by its yaw or its attitude.
 
-The camera's axes are x to the right, y down and z along the view. Sums are taken number by number, so that a point's
-pixel does not depend, not even in its last bit, on which other points are projected with it.
+The camera's axes are x to the right, y down and z along the view. Sums are taken element by element, so that a point's
+pixel does not depend, even in its last bit, on the other points projected with it.
 """
 
 import math
@@ -52,7 +52,7 @@ def rotation_about_up(angle_rad: float) -> Array:
 
 
 def camera_centre(camera: Camera, pose: VehiclePose) -> Array:
-    """Return where the camera is, ENU [3] in m: its offset turns with the vehicle's yaw only, not with a trim."""
+    """Return the camera's position, ENU [3] in m; its offset rotates with the vehicle's yaw only, not with a trim."""
     c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     forward, left = camera.offset_forward_m, camera.offset_left_m
     x_m, y_m = pose.x_m + c * forward - s * left, pose.y_m + s * forward + c * left
@@ -69,12 +69,12 @@ def camera_R_body(camera: Camera) -> Array:
 
 
 def world_R_body(pose: VehiclePose) -> Array:
-    """Return the attitude [3, 3] of a pose; level where only its yaw is known."""
+    """Return the attitude [3, 3] of a pose; level if only its yaw is known."""
     return rotation_about_up(pose.yaw_rad) if pose.world_R_body is None else pose.world_R_body
 
 
 def to_pixels(camera: Camera, points_camera: Array, nearest_m: float = LANDMARK_NEAREST_M) -> Projection:
-    """Project points [N, 3], in m in the camera's axes; NaN where something is not known.
+    """Project points [N, 3], in m in the camera's axes; NaN for unknown coordinates.
 
     Points at most ``nearest_m`` along the view have no projection.
     """
@@ -90,9 +90,9 @@ def to_pixels(camera: Camera, points_camera: Array, nearest_m: float = LANDMARK_
 def project(
     camera: Camera, pose: VehiclePose, points_xyz: npt.ArrayLike, nearest_m: float = LANDMARK_NEAREST_M
 ) -> Projection:
-    """Return where points appear.
+    """Return the projections of points.
 
-    A pose with an attitude turns points by it, and the mounting's heading and trims act in the body; without one the
+    A pose with an attitude rotates points by it, and the mounting's heading and trims act in the body; without one the
     body is level. Points [N, 3] are ENU in m; one with NaN, as of an unknown coordinate, has no projection, as those at
     most ``nearest_m`` along the view.
     """

@@ -10,7 +10,7 @@ from typing import Final
 
 
 class Palette(StrEnum):
-    """Which colours: those that all eyes tell apart, or those that older pictures have."""
+    """The palette: safe for colour-blind people, or the colours of older pictures."""
 
     SAFE = "safe"
     CLASSIC = "classic"

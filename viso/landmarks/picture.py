@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The picture of a moment, 1600 x 800: what the camera should see and saw, the world from above, on request the sky.
+"""The picture of a moment, 1600 x 800: predictions and detections, the world from above, on request the sky.
 
 Needs matplotlib (the extra ``plot``). Every artist that stands for something has a group id, such as ``predicted:7``.
 """

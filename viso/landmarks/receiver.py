@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the receiver of ADS-B might be, judged by the aircraft that it hears.
+"""A rough position of an ADS-B receiver from the aircraft that it hears.
 
 The middle of the aircraft is taken for the receiver, so this is kilometres off: the spread of the aircraft is not the
-error of the receiver. It is for looking at, and must never reach the autopilot. Needs the extra ``landmarks``.
+error of the receiver. It is for display only, and must never reach the autopilot. Needs the extra ``landmarks``.
 """
 
 import math
@@ -21,7 +21,7 @@ from viso.landmarks.types import AircraftReport, GeodeticPoint
 
 MISSING_EXTRA: Final = f"the receiver's position is filtered with filterpy: {pip_install('landmarks')}"
 PERIOD_S: Final = 5.0
-"""How often to estimate."""
+"""The period of estimates."""
 FEWEST_AIRCRAFT: Final = 4
 _AGE_SCALE_S: Final = 30.0
 _UNKNOWN_ALTITUDE_FT: Final = 35_000.0
@@ -56,11 +56,11 @@ class ReceiverEstimate:
 
 @dataclass(frozen=True, slots=True)
 class FilteredPosition:
-    """What the filter makes of the estimates.
+    """The filtered estimate.
 
     Attributes:
         point: at height 0.
-        radius_m: in which the receiver may be by the filter's covariance.
+        radius_m: the receiver's distance bound from the filter's covariance.
         nis: normalised innovation squared of the last estimate; None for the first one.
         accepted: whether that was used.
     """
@@ -74,7 +74,7 @@ class FilteredPosition:
 def estimate_receiver(
     reports: Iterable[AircraftReport], now_s: float, mode: FrameMode = FrameMode.WGS84
 ) -> ReceiverEstimate | None:
-    """Return the middle of the aircraft that were heard lately; None for fewer than four.
+    """Return the weighted mean of recently heard aircraft; None for fewer than four.
 
     Args:
         reports: one of each aircraft.
@@ -105,7 +105,7 @@ def estimate_receiver(
 
 
 def _weights(heard: Sequence[AircraftReport], now_s: float) -> Array:
-    """Return a weight each, their sum 1: fresh ones count more, and low ones, which are not heard from afar."""
+    """Return weights with sum 1: fresh reports count more, and low aircraft, which cannot be heard from afar."""
     ages_s = np.array([max(now_s - one.t_s, 0.0) for one in heard])
     alts_ft = np.array([_UNKNOWN_ALTITUDE_FT if one.altitude_ft is None else one.altitude_ft for one in heard])
     # Pressure altitudes below the sea's level are real, but a weight needs a height above it.
@@ -130,7 +130,7 @@ def _moments(enu: Array, weights: Array) -> tuple[Array, Array]:
 
 
 def _gate(enu: Array, weights: Array) -> Any:
-    """Return which of the places are not far from the others, bool [N]; all if too few are."""
+    """Return which of the places are near the others, bool [N]; all of them if too few are."""
     centre, _ = _moments(enu, weights)
     off = enu - centre
     distances_m = np.hypot(off[:, 0], off[:, 1])
@@ -152,7 +152,7 @@ class ReceiverFilter:
     def __init__(self, mode: FrameMode = FrameMode.WGS84) -> None:
         """Start without a position. Raises ModuleNotFoundError without filterpy; one line that says what to install."""
         try:
-            # Here, as the import takes a second: only who estimates shall wait for it.
+            # Imported here, because it takes a second that only estimation needs.
             from filterpy.kalman import KalmanFilter
         except ModuleNotFoundError as error:
             raise ModuleNotFoundError(MISSING_EXTRA, name="filterpy") from error
@@ -205,7 +205,7 @@ class ReceiverFilter:
 
 
 def receiver_record(raw: ReceiverEstimate, filtered: FilteredPosition) -> dict[str, Any]:
-    """Return an estimate and what the filter makes of it as a record for JSON; the first one's ``kf_nis`` is null."""
+    """Return an estimate and its filtered position as a record for JSON; the first one's ``kf_nis`` is null."""
     place = filtered.point
     return {
         "raw_lat": raw.point.latitude_deg,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The inputs of ``viso landmarks`` that end: files and standard input, merged by time."""
+"""The finite inputs of ``viso landmarks``: files and standard input, merged by time."""
 
 import heapq
 import stat
@@ -24,7 +24,7 @@ _Any = TypeVar("_Any", bound=Any)
 
 
 def is_live(name: str) -> bool:
-    """Return whether an input is a connection that has no end: a device, or what is no path and has a scheme."""
+    """Return whether an input is a connection without an end: a device, or a name with a scheme that is no path."""
     path = Path(name)
     if name == STANDARD_INPUT:
         return False
@@ -35,7 +35,7 @@ def is_live(name: str) -> bool:
 
 @dataclass(slots=True)
 class AnyLines:
-    """Takes lines of a format that is found out from the first that is known.
+    """Reads lines whose format is detected from the first known one.
 
     Attributes:
         utc_offset_s: how far the times of BaseStation lines are ahead of UTC.
@@ -47,11 +47,11 @@ class AnyLines:
 
     @property
     def refused(self) -> Counter[str]:
-        """What was of no use, by reason."""
+        """The number of unusable records by reason."""
         return self._unknown + (Counter() if self._reader is None else self._reader.refused)
 
     def take(self, line: str, arrival_s: float | None = None) -> list[Event]:
-        """Return what a line tells. Raises InputError if an extra is missing that reads such lines."""
+        """Return the events of a line. Raises InputError if the extra for its format is missing."""
         if not line.strip():
             return []
         if self._reader is None:
@@ -69,7 +69,7 @@ class AnyLines:
 class Merged:
     """Files and standard input, merged by time.
 
-    Times since an autopilot's boot become UTC where another input has UTC and the log knows it by its GPS.
+    Times since an autopilot's boot become UTC if another input has UTC and the log has it from its GPS.
 
     Attributes:
         names: of the files, or ``-``.
@@ -82,7 +82,7 @@ class Merged:
     _readers: list[tuple[str, FileReader | AnyLines]] = field(default_factory=list)
 
     def events(self) -> Iterator[Event]:
-        """Yield what all of them tell. Raises InputError if one cannot be read."""
+        """Yield the events of all inputs. Raises InputError if one cannot be read."""
         begun = []
         for name in self.names:
             try:
@@ -102,7 +102,7 @@ class Merged:
             raise InputError(str(error)) from error
 
     def refused(self) -> Mapping[str, Mapping[str, int]]:
-        """Return what was of no use so far, by input and reason."""
+        """Return the number of unusable records so far, by input and reason."""
         return {name: dict(reader.refused) for name, reader in self._readers if reader.refused}
 
     def _begin(self, name: str) -> Iterator[Event]:
@@ -116,18 +116,18 @@ class Merged:
 
 
 def _offset_s(reader: object) -> float:
-    """Return what makes the times of a reader UTC, as far as it needs that and knows it."""
+    """Return the offset from a reader's times to UTC; 0 if not needed or unknown."""
     return (reader.utc_minus_boot_s or 0.0) if isinstance(reader, DataFlashFile) else 0.0
 
 
 def _order(arrived: tuple[float, Event]) -> tuple[float, bool]:
-    """Return what events of several inputs are ordered by: a picture comes after all else of the same time."""
+    """Return the sort key of events of several inputs: a picture comes after other events of the same time."""
     arrival_s, event = arrived
     return arrival_s, isinstance(event, Detections)
 
 
 def _in_order(first: Event, rest: Iterator[Event], offset_s: float) -> Iterator[tuple[float, Event]]:
-    """Yield events with times that never go back, as of their arrival."""
+    """Yield events with sort times that never go back within an input."""
     arrival_s = first.t_s + offset_s
     yield arrival_s, shifted(first, offset_s)
     for event in rest:

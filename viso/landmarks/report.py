@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What ``viso landmarks`` tells: innovations as rows, and what they amount to for people and for machines."""
+"""The output of ``viso landmarks``: innovations as rows, and statistics for people and for machines."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -13,7 +13,7 @@ from viso.landmarks.residuals import Innovation, InnovationStatistics, Summary
 from viso.landmarks.scene import Scene
 
 MOST_ROWS: Final = 20
-"""Of single landmarks or aircraft in a table; machines get all."""
+"""The most rows of single landmarks or aircraft in a table; JSON has all."""
 _INNOVATION: Final = (
     *("id", "observed_u_px", "observed_v_px", "predicted_u_px", "predicted_v_px"),
     *("du_px", "dv_px", "in_image", "range_m"),
@@ -65,7 +65,7 @@ def live_line(scene: Scene) -> str:
 
 
 def errors_row(errors: PoseErrors) -> dict[str, Any]:
-    """Return a fit for JSON: angles in degrees, times in ms; null where the data do not tell."""
+    """Return a fit for JSON: angles in degrees, times in ms; null if undetermined."""
     return {
         "yaw_offset_deg": _scaled(errors.yaw_offset_rad, math.degrees(1)),
         "yaw_sigma_deg": _scaled(errors.yaw_sigma_rad, math.degrees(1)),
@@ -105,7 +105,7 @@ def summary_table(kind: str, summary: Summary) -> Table:
 
 
 def oddities(summary: Summary) -> Iterator[str]:
-    """Yield lines on what had no innovation."""
+    """Yield lines on detections without an innovation."""
     for what, counts in (
         ("seen, but not known", summary.unmatched),
         ("seen, but not ahead of the camera, or of unknown height", summary.not_projected),
@@ -118,7 +118,7 @@ def oddities(summary: Summary) -> Iterator[str]:
 
 
 def fit_lines(errors: PoseErrors) -> Iterator[str]:
-    """Yield what a fit says, in sentences."""
+    """Yield the results of a fit in sentences."""
     if not errors.used:
         yield f"no fit: {errors.rejected} observations of known landmarks with poses around them are too few"
         return
@@ -150,7 +150,7 @@ def _delay(off_ms: float, sigma_ms: float) -> str:
 def _verdict(
     off: float | None, sigma: float | None, scale: float, unit: str, sentence: Callable[[float, float], str]
 ) -> str:
-    """Return what is said of an error with its sigma, both to be scaled to a unit."""
+    """Return the sentence about an error with its sigma, both scaled to a unit."""
     if off is None or sigma is None:
         return _UNTOLD
     off, sigma = off * scale, sigma * scale
@@ -158,7 +158,7 @@ def _verdict(
 
 
 def _measured(value: float, sigma: float) -> str:
-    """Return the size of a value with its sigma, to the digits that this leaves it."""
+    """Return the magnitude of a value with its sigma, to significant digits."""
     digits = _digits(sigma)
     return f"{abs(value):.{digits}f} +- {sigma:.{digits}f}"
 
@@ -202,13 +202,13 @@ def _cells(its: InnovationStatistics) -> tuple[str, ...]:
 
 
 def refusals(refused: Mapping[str, Mapping[str, int]]) -> Iterator[str]:
-    """Yield a line for each input and reason why parts of it were of no use."""
+    """Yield a line for each input and reason why parts of it were unusable."""
     for name, reasons in refused.items():
         for reason, count in sorted(reasons.items()):
             yield f"note: {name}: {count} left out: {reason}"
 
 
 def drops(dropped: Mapping[str, int]) -> Iterator[str]:
-    """Yield a line for each reason why events were of no use."""
+    """Yield a line for each reason why events were unusable."""
     for reason, count in sorted(dropped.items()):
         yield f"note: {count} left out: {reason}"

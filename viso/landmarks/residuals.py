@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Innovations, where something was seen less where the pose predicts it, in pixels, and what many of them amount to."""
+"""Innovations, observed less predicted pixels, and their statistics."""
 
 import math
 from collections import Counter, defaultdict
@@ -64,9 +64,9 @@ class Residuals:
 
     Attributes:
         innovations: of what was seen, is known and has a prediction.
-        unmatched: ids that were seen, but are not known.
-        not_projected: ids that were seen and are known, but are not ahead of the camera, or their height is not known.
-        duplicates: ids that were seen more than once; only the first of each counts.
+        unmatched: ids that were detected, but are unknown.
+        not_projected: known ids that were detected, but are not ahead of the camera, or whose height is unknown.
+        duplicates: ids that were detected more than once; only the first of each counts.
     """
 
     innovations: tuple[Innovation, ...]
@@ -98,9 +98,9 @@ def landmark_residuals(
 
 
 def aircraft_points(states: Sequence[AircraftState], odometry: VehiclePose) -> Array:
-    """Return where aircraft are, ENU [N, 3] in m with z NaN where the altitude is not known.
+    """Return the positions of aircraft, ENU [N, 3] in m; z is NaN if the altitude is unknown.
 
-    East and north count from the vehicle, as odometry has it. Up is that of the state, above the ground that the
+    East and north are relative to the vehicle's odometry position. Up is that of the state, above the ground that the
     camera's height counts from: no reference altitude is added.
     """
     rows = [
@@ -155,7 +155,7 @@ class InnovationStatistics:
         count: how many; with none the rest is NaN.
         mean, median: of them.
         spread: standard deviation.
-        robust_spread: the same, judged by the median distance from the median: wrong matches hardly count.
+        robust_spread: the same from the median distance to the median: wrong matches hardly count.
     """
 
     count: int

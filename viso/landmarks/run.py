@@ -27,13 +27,13 @@ Draw = Callable[[Scene], bytes]
 
 
 class Run:
-    """Takes events, tells its sinks each scene, and keeps what the figures at the end need.
+    """Handles events, passes each scene to its sinks, and keeps the data for the final statistics.
 
     Args:
         session: makes the scenes.
         watch: estimates the receiver's position; None for no estimate.
-        sinks: told of each scene.
-        records: where state vectors and estimates go, a line of JSON each; None for nowhere.
+        sinks: called with each scene.
+        records: receiver of state vectors and estimates, a line of JSON each; None for none.
 
     Attributes:
         last: the newest scene; None before the first.
@@ -53,7 +53,7 @@ class Run:
         self.estimate: Mapping[str, Any] | None = None
 
     def take(self, event: Event) -> None:
-        """Take what happened."""
+        """Handle an event."""
         estimate = None if self._watch is None else self._watch.take(event)
         if estimate is not None:
             position, self.estimate = estimate
@@ -63,7 +63,7 @@ class Run:
             self._show(scene)
 
     def finish(self) -> None:
-        """Take no more: show the pictures that were still waiting for a pose."""
+        """End the run: complete the pictures that still wait for a pose."""
         for scene in self.session.finish():
             self._show(scene)
 
@@ -72,7 +72,7 @@ class Run:
         return {"landmark": summarise(self._landmarks), "aircraft": summarise(self._aircraft)}
 
     def fit(self) -> PoseErrors:
-        """Return which errors would explain the innovations of the landmarks."""
+        """Return the errors that best explain the innovations of the landmarks."""
         session = self.session
         return fit_pose_errors(session.camera, session.poses, session.landmarks, session.pictures)
 
@@ -103,14 +103,14 @@ class Run:
 
 
 def csv_sink(file: TextIO) -> Sink:
-    """Return what writes innovations as CSV, its head at once."""
+    """Return a sink that writes innovations as CSV; the header is written at once."""
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)
     return lambda scene: writer.writerows(csv_rows(scene))
 
 
 def json_sink(write: Callable[[str], None]) -> Sink:
-    """Return what writes innovations, an object a picture."""
+    """Return a sink that writes innovations, an object for each picture."""
 
     def show(scene: Scene) -> None:
         row = scene_row(scene)
@@ -121,7 +121,7 @@ def json_sink(write: Callable[[str], None]) -> Sink:
 
 
 def line_sink(write: Callable[[str], None]) -> Sink:
-    """Return what writes a line a second of the input's time."""
+    """Return a sink that writes a line per second of the input's time."""
     last_s: list[float] = []
 
     def show(scene: Scene) -> None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One moment as the picture shows it and as the innovations tell it: what was predicted, and what was seen."""
+"""One moment: predictions and detections, for the picture and for the innovations."""
 
 import math
 from collections.abc import Sequence
@@ -50,14 +50,14 @@ class Mark:
     Attributes:
         id: the landmark's, or the aircraft's address.
         x_m, y_m: east and north of the local origin.
-        predicted: where it should be in the picture; None where the camera cannot have it.
-        actual: where it is; None if that is not known.
+        predicted: predicted pixel; None if it cannot be in the picture.
+        actual: actual pixel; None if unknown.
         in_image: whether the prediction is inside the picture.
         range_m: horizontal distance, of a landmark from the camera, of an aircraft from the vehicle.
-        seen: whether the actual place was detected in the picture; else it is what raw odometry predicts.
+        seen: whether the actual pixel was detected in the picture; else it is the prediction of raw odometry.
         elevation_rad: above the horizon of the camera; None if the height is not known.
         azimuth_rad: from the view, positive to the left.
-        is_baro: whether its height is by pressure altitude that was not corrected.
+        is_baro: whether its height is from uncorrected pressure altitude.
     """
 
     id: str
@@ -75,13 +75,13 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What is known at one moment.
+    """The known state at one moment.
 
     Attributes:
-        pose: that predicts.
-        odometry: as it was told.
+        pose: the predicting pose.
+        odometry: the reported odometry.
         states: the aircraft.
-        origin: that the states count from; None without a fix.
+        origin: origin of the states; None without a fix.
         has_qnh: whether pressure altitudes were corrected.
     """
 
@@ -95,22 +95,22 @@ class Situation:
 
     @property
     def is_estimated(self) -> bool:
-        """Whether another pose than the odometry predicts."""
+        """Whether the predicting pose is not the odometry."""
         return self.pose is not self.odometry
 
     @property
     def label(self) -> str:
-        """Which of the two predicts."""
+        """The name of the predicting pose."""
         return ESTIMATED_LABEL if self.is_estimated else ODOMETRY_LABEL
 
     @property
     def view_yaw_rad(self) -> float:
-        """Where the camera looks, ENU."""
+        """The direction of the camera's view, ENU."""
         return self.pose.yaw_rad + self.camera.heading_offset_rad + self.camera.yaw_trim_rad
 
     @property
     def camera_xyz(self) -> Array:
-        """Where the camera is, ENU [3] in m."""
+        """The camera's position, ENU [3] in m."""
         return camera_centre(self.camera, self.pose)
 
 
@@ -121,7 +121,7 @@ class Scene:
     Attributes:
         number: from 1.
         aircraft: those that are neither too near nor too far to be drawn.
-        has_detections: whether there was a picture in which something was, or could have been, seen.
+        has_detections: whether a picture was searched for detections at that moment.
     """
 
     t_s: float
@@ -135,7 +135,7 @@ class Scene:
 
 
 def make_scene(number: int, situation: Situation, seen: Detections, *, has_detections: bool = True) -> Scene:
-    """Predict all that is known, and compare with what was seen."""
+    """Predict all known landmarks and aircraft, and compare with the detections."""
     camera, pose, odometry = situation.camera, situation.pose, situation.odometry
     return Scene(
         seen.t_s,
@@ -152,7 +152,7 @@ def make_scene(number: int, situation: Situation, seen: Detections, *, has_detec
 def horizon(situation: Situation) -> tuple[Pixel, Pixel] | None:
     """Return the ends of the horizon at the left and the right edge of the picture; None if it is not in it.
 
-    By the plane of the directions that are neither up nor down, so it leans as the vehicle does where that is known.
+    It is computed from the plane of horizontal directions, so it leans with the vehicle if its roll is known.
     """
     camera = situation.camera
     cx, cy, fx, fy = camera.cx_px, camera.cy_px, camera.fx_px, camera.fy_px

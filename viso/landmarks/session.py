@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From events to scenes: keeps what was told, finds the pose of each picture, and remembers what a fit needs."""
+"""From events to scenes: stores events, interpolates the pose of each picture, and keeps the data for a fit."""
 
 import math
 from collections import Counter, deque
@@ -29,15 +29,15 @@ from viso.landmarks.types import (
 )
 
 PICTURE_PERIOD_S: Final = 0.2
-"""Between scenes when there are no detections."""
+"""The period of scenes without detections."""
 QUIET_S: Final = 1.0
-"""So long after the last detections there are scenes without any."""
+"""The time after the last detections from which on scenes have none."""
 LONGEST_GAP_S: Final = 1.5
-"""Between two poses that the one of a picture is interpolated from."""
+"""The longest gap between two poses that a picture's pose is interpolated from."""
 ALONE_S: Final = 0.1
-"""A pose stands for a picture that is so near to it, without another on the other side."""
+"""A single pose serves a picture this near to it."""
 CLOCK_STEP_S: Final = 5.0
-"""A pose that is so much earlier than the last one means that the clock was set, or restarted."""
+"""A pose this much earlier than the last one means that the clock was set or restarted."""
 _ROUNDING_S: Final = 1e-6
 MOST_POSES: Final = 200_000
 MOST_PICTURES: Final = 20_000
@@ -45,14 +45,14 @@ MOST_PICTURES: Final = 20_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """How to look.
+    """The settings of a session.
 
     Attributes:
-        keeps_intrinsics: whether the camera stays as it is when records tell of another.
-        qnh_offset_m: what to add to pressure altitudes; None if not known.
-        reference: where the local origin is on the globe; None for the first fix.
+        keeps_intrinsics: whether intrinsics in records are ignored.
+        qnh_offset_m: correction of pressure altitudes; None if unknown.
+        reference: the local origin on the globe; None for the first fix.
         from_estimate: whether estimated positions predict, where there are any, and not those of the odometry.
-        full_attitude: whether roll and pitch of the vehicle count, where they are known.
+        full_attitude: whether roll and pitch of the vehicle are used, if known.
     """
 
     camera: Camera = field(default_factory=Camera)
@@ -66,7 +66,7 @@ class Settings:
 
 @dataclass(frozen=True, slots=True)
 class _Waiting:
-    """A picture that waits for the pose after it, with what was known when it came."""
+    """A picture that waits for the pose after it, with the state at its arrival."""
 
     seen: Detections
     camera: Camera
@@ -76,17 +76,17 @@ class _Waiting:
 
 
 class Session:
-    """Takes events in the order of their arrival, and gives a scene for each picture.
+    """Handles events in order of arrival, and returns a scene for each picture.
 
     Without detections there is a scene every 0.2 s. A picture waits for the pose after it, so that its own can be
-    interpolated; nothing is left waiting by ``finish``.
+    interpolated; ``finish`` completes all waiting pictures.
 
     Attributes:
-        camera: as it is now believed to be.
-        dropped: events that were of no use, by reason.
+        camera: the present camera model.
+        dropped: number of unusable events by reason.
         poses: the newest 200 000.
         pictures: those of the newest 20 000 that had a pose.
-        scenes: how many there were.
+        scenes: number of scenes so far.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -107,11 +107,11 @@ class Session:
 
     @property
     def landmarks(self) -> tuple[Landmark, ...]:
-        """All that were ever known, as they were told last."""
+        """All landmarks ever known, at their last positions."""
         return tuple(self._all_landmarks.values())
 
     def take(self, event: Event) -> list[Scene]:
-        """Take what happened; return the scenes that are now complete."""
+        """Handle an event; return the scenes that it completes."""
         match event:
             case VehiclePose():
                 return self._take_pose(event)
@@ -187,7 +187,7 @@ class Session:
         return _Waiting(seen, self.camera, self._landmarks, states, origin)
 
     def _origin(self) -> GeodeticPoint | None:
-        """Return where the vehicle is, with the altitude of the reference."""
+        """Return the vehicle's position, with the altitude of the reference."""
         reference = self._reference
         if reference is None:
             return None
@@ -230,7 +230,7 @@ class Session:
 
 
 class ReceiverWatch:
-    """Estimates every 5 s where the receiver is, from the aircraft that it hears."""
+    """Estimates the receiver's position every 5 s, from the aircraft that it hears."""
 
     def __init__(self, mode: FrameMode) -> None:
         self._mode = mode
@@ -239,7 +239,7 @@ class ReceiverWatch:
         self._due_s: float | None = None
 
     def take(self, event: Event) -> tuple[EstimatedPosition, dict[str, Any]] | None:
-        """Take what happened; return an estimate and its record when one is due and there are aircraft enough."""
+        """Handle an event; return an estimate and its record if one is due and there are enough aircraft."""
         if isinstance(event, AircraftReport):
             self._reports[event.icao] = event
         if self._due_s is None or event.t_s < self._due_s - 2 * PERIOD_S:  # the first event, or the clock was set
@@ -258,7 +258,7 @@ class ReceiverWatch:
 
 
 def pose_at(poses: Reversible[VehiclePose], t_s: float) -> VehiclePose | None:
-    """Return the pose at a time, between the one before it and the one after; None if none is near."""
+    """Return the pose at a time, interpolated between its neighbours; None if none is near."""
     after: VehiclePose | None = None
     before: VehiclePose | None = None
     for pose in reversed(poses):

@@ -44,7 +44,7 @@ LANDMARKS: Final = tuple(Landmark(str(index), 10.0 + 5 * index, 5.0 + 3 * index)
 
 @dataclass(frozen=True, slots=True)
 class Planted:
-    """What reported yaw and camera's pitch trim lack, and how late stamps of pictures are, as a fit should find it."""
+    """The planted errors of reported yaw, pitch trim and picture stamps, as a fit should find them."""
 
     yaw_offset_rad: float = 0.0
     pitch_trim_rad: float = 0.0
@@ -53,7 +53,7 @@ class Planted:
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """An aircraft on a straight or a circling way.
+    """An aircraft on a straight or a circular path.
 
     Attributes:
         start_enu: of the reference, in m.
@@ -100,10 +100,10 @@ class SyntheticFlight:
     """A flight.
 
     Attributes:
-        camera: as it is believed to be; the true one differs by the planted trim.
+        camera: the assumed camera; the true one differs by the planted trim.
         noise_px: sigma of each detection, in both axes.
-        wrong_share: of detections that carry the id of another.
-        mode, qnh_offset_m: of the local frame of the aircraft, as the reader will have it.
+        wrong_share: share of detections with the id of another landmark.
+        mode, qnh_offset_m: the reader's local frame and altitude correction for aircraft.
     """
 
     camera: Camera = field(default_factory=Camera)
@@ -123,7 +123,7 @@ class SyntheticFlight:
         return VehiclePose(t_s, x, y, yaw, HEIGHT_M)
 
     def reported(self, t_s: float) -> VehiclePose:
-        """Return the pose that the records tell."""
+        """Return the reported pose."""
         pose = self.truth(t_s)
         return replace(pose, yaw_rad=pose.yaw_rad - self.planted.yaw_offset_rad)
 
@@ -181,7 +181,7 @@ class SyntheticFlight:
             )
 
     def _seen(self, rng: np.random.Generator, innovations: Sequence[Innovation]) -> tuple[Detection, ...]:
-        """Return where what is in the picture was seen, some of it under the name of another."""
+        """Return the detections of a picture, some with a wrong id."""
         inside = [innovation for innovation in innovations if innovation.in_image]
         noise = self.noise_px * rng.standard_normal((len(inside), 2))
         sources = list(range(len(inside)))
@@ -194,7 +194,7 @@ class SyntheticFlight:
 
 
 def _everywhere(t_s: float, icaos: Sequence[str]) -> Detections:
-    """Return detections of everything, only to ask where each is predicted."""
+    """Return dummy detections of everything, used to get its predictions."""
     ids = [landmark.id for landmark in LANDMARKS]
     landmarks, aircraft = (tuple(Detection(name, 0.0, 0.0) for name in names) for names in (ids, icaos))
     return Detections(t_s, landmarks, aircraft)

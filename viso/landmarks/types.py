@@ -90,14 +90,14 @@ class Camera(_Record):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VehiclePose(_Record):
-    """Where the vehicle is.
+    """The pose of the vehicle.
 
     Attributes:
         t_s: time, of whatever clock the other records of the same stream use.
         x_m, y_m: east and north of the local origin.
         yaw_rad: ENU.
-        z_m: up of the local ground; None where only the camera's height tells.
-        world_R_body: [3, 3], the full attitude; None where only the yaw is known or wanted.
+        z_m: up from the local ground; None if only the camera's height is known.
+        world_R_body: [3, 3], the full attitude; None if only the yaw is known or used.
     """
 
     t_s: float
@@ -134,7 +134,7 @@ class Detection(_Record):
 
 @dataclass(frozen=True, slots=True)
 class Detections(_Record):
-    """What was seen in the picture that was taken at ``t_s``, in the order given."""
+    """The detections in the picture taken at ``t_s``, in the given order."""
 
     t_s: float
     landmarks: tuple[Detection, ...] = ()
@@ -143,13 +143,13 @@ class Detections(_Record):
 
 @dataclass(frozen=True, slots=True)
 class AircraftReport(_Record):
-    """What an aircraft has told by ADS-B, in its units.
+    """An ADS-B report of an aircraft, in its units.
 
     Attributes:
         t_s: when its position was received.
         icao: address, 6 hexadecimal digits in upper case.
         latitude_deg, longitude_deg: WGS 84.
-        altitude_ft: None if not told.
+        altitude_ft: None if unknown.
         speed_kt: over ground.
         heading_deg: of the track, true, clockwise from north.
         vertical_rate_ft_min: positive up.
@@ -175,7 +175,7 @@ class AircraftReport(_Record):
 
 @dataclass(frozen=True, slots=True)
 class GeodeticPoint(_Record):
-    """A place on the globe, WGS 84; what its height counts from, the record that holds it says."""
+    """A place on the globe, WGS 84; the enclosing record defines the reference of its height."""
 
     latitude_deg: float
     longitude_deg: float
@@ -187,7 +187,7 @@ class GeodeticPoint(_Record):
 
     @property
     def is_fix(self) -> bool:
-        """Whether this is a real place: receivers without a fix tell (0, 0)."""
+        """Whether this is a real place: receivers without a fix report (0, 0)."""
         return self.latitude_deg != 0 or self.longitude_deg != 0
 
 
@@ -196,9 +196,9 @@ class AircraftState(_Record):
     """An aircraft relative to the vehicle.
 
     Attributes:
-        report: what it has told.
+        report: its last report.
         east_m, north_m: from the vehicle.
-        up_m: above the reference; None if the altitude is not known.
+        up_m: above the reference; None if the altitude is unknown.
         vel_enu: [3], m/s.
         quat_wxyz: [4], attitude FLU to ENU.
         turn_rate_rad_s: about up; None until two headings are known.
@@ -240,7 +240,7 @@ class LandmarkMap(_Record):
 
 @dataclass(frozen=True, slots=True)
 class GlobalFix(_Record):
-    """Where the vehicle is on the globe, above mean sea level, or the ellipsoid where the source tells only that."""
+    """The vehicle's place on the globe, above mean sea level, or above the ellipsoid if the source has only that."""
 
     t_s: float
     point: GeodeticPoint
@@ -248,7 +248,7 @@ class GlobalFix(_Record):
 
 @dataclass(frozen=True, slots=True)
 class EstimatedPosition(_Record):
-    """Where the receiver of ADS-B is thought to be, without a height."""
+    """The estimated place of the ADS-B receiver, without a height."""
 
     t_s: float
     point: GeodeticPoint
@@ -256,7 +256,7 @@ class EstimatedPosition(_Record):
 
 @dataclass(frozen=True, slots=True)
 class CameraInfo(_Record):
-    """The intrinsics of a camera, as a driver tells them; one that is not calibrated tells 0 for ``fx_px``."""
+    """The intrinsics of a camera from its driver; an uncalibrated one has 0 for ``fx_px``."""
 
     t_s: float
     width_px: int
@@ -268,4 +268,4 @@ class CameraInfo(_Record):
 
 
 Event = VehiclePose | GlobalFix | EstimatedPosition | LandmarkMap | Detections | AircraftReport | CameraInfo
-"""What inputs yield, in the order of arrival."""
+"""The events that inputs yield, in the order of arrival."""

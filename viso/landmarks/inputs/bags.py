@@ -3,7 +3,7 @@
 """Bags of ROS 1 and ROS 2, MCAP among them, through rosbags (the extra ``bags``).
 
 A topic may be missing from a bag, but not all of them. Odometry (or a stamped pose) is in ENU unless said to be in NED;
-``CameraInfo`` and ``NavSatFix`` are as ROS has them, and the others are JSON in ``std_msgs/String``, as
+``CameraInfo`` and ``NavSatFix`` are ROS messages, and the others are JSON in ``std_msgs/String``, as
 ``viso.landmarks.inputs.json_lines`` describes it.
 """
 
@@ -48,8 +48,7 @@ _TOPICS: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
         "/adsb/rtl_adsb_decoder_node/estimated_position": frozenset({STRING}),
     }
 )
-"""Which types are read from which topic; any record of JSON may come on any topic of texts, fixes are above the
-ellipsoid."""
+"""The record types of each topic; any JSON record may come on any text topic, and fixes are above the ellipsoid."""
 
 
 class BagFile:
@@ -71,7 +70,7 @@ class BagFile:
         }
 
     def events(self) -> Iterator[Event]:
-        """Yield what the bag tells. Raises InputFileError if it cannot be read, or has none of the topics."""
+        """Yield the bag's events. Raises InputFileError if it cannot be read, or has none of the topics."""
         with opened_bag(self._path, InputFileError) as reader:
             for connection, time_ns, data in reader.messages(self._chosen(reader.connections)):
                 message = reader.deserialize(data, connection.msgtype)

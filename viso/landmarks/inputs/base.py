@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all inputs share: the one error of a file, counted refusals, readers of lines, numbers of a record, poses."""
+"""Shared parts of inputs: the error of a file, counted refusals, line readers, numbers and poses of records."""
 
 import math
 from abc import ABC, abstractmethod
@@ -16,7 +16,7 @@ from viso.landmarks.types import Event, VehiclePose
 LARGEST_M: Final = 1e8
 """No coordinate is larger; those of UTM reach 1e7."""
 LARGEST_S: Final = 1e11
-"""No time is larger: what is, was not in seconds."""
+"""No time is larger; a larger one is not in seconds."""
 NO_TIME: Final = "no time"
 NOT_ICAO: Final = "not an ICAO address"
 NO_FIX: Final = "no fix: (0, 0)"
@@ -31,25 +31,25 @@ class InputFileError(Exception):
 
 
 class Refused(Exception):
-    """Carries the reason why a record, or a part of it, is of no use."""
+    """Carries the reason why a record, or a part of it, is unusable."""
 
 
 class LineReader(ABC):
-    """Turns lines of text into events; what their times count from, each format says.
+    """Turns lines of text into events; each format defines the epoch of its times.
 
     Attributes:
-        refused: how many records, or parts of them, were of no use, by reason.
+        refused: number of unusable records, or parts of them, by reason.
     """
 
     def __init__(self, refused: Counter[str] | None = None) -> None:
         self.refused: Counter[str] = Counter() if refused is None else refused
 
     def take(self, line: str, arrival_s: float | None = None) -> list[Event]:
-        """Return what a line tells. Never raises on what it says.
+        """Return the events of a line. Never raises because of its content.
 
         Args:
-            line: with or without its end; blank ones are passed over.
-            arrival_s: when it arrived, on the clock of the other inputs; None if nobody knows.
+            line: with or without its end; blank ones are skipped.
+            arrival_s: when it arrived, on the clock of the other inputs; None if unknown.
         """
         events: list[Event] = []
         if line.strip():
@@ -59,22 +59,22 @@ class LineReader(ABC):
 
     @abstractmethod
     def _events(self, line: str, arrival_s: float | None) -> list[Event]:
-        """Return what a line tells that is not blank. Raises Refused, or a record's ValueError, if it is of no use."""
+        """Return the events of a line that is not blank. Raises Refused or a record's ValueError if unusable."""
 
 
 class FileReader(Protocol):
-    """Turns a file into events; what it has refused is complete when all of them were taken."""
+    """Turns a file into events; ``refused`` is complete after the last one."""
 
     refused: Counter[str]
 
     def events(self) -> Iterator[Event]:
-        """Yield what the file tells. Raises InputFileError if it cannot be read."""
+        """Yield the file's events. Raises InputFileError if it cannot be read."""
         ...
 
 
 @contextmanager
 def counted(refused: Counter[str]) -> Iterator[None]:
-    """Count a refusal with its reason, and go on behind the block; a ValueError of a record is one, by its field."""
+    """Count a refusal by its reason, and continue after the block; so for a record's ValueError, by its field."""
     try:
         yield
     except Refused as refusal:
@@ -97,7 +97,7 @@ def number(record: Mapping[str, Any], key: str, largest: float = math.inf) -> fl
 
 
 def optional_number(record: Mapping[str, Any], key: str, refused: Counter[str]) -> float | None:
-    """Return a number of a record, None where there is none; what is there and no number is counted."""
+    """Return a number of a record, None if missing; a value that is not a number is counted."""
     if record.get(key) is not None:
         with counted(refused):
             return number(record, key)
@@ -105,7 +105,7 @@ def optional_number(record: Mapping[str, Any], key: str, refused: Counter[str]) 
 
 
 def icao_of(text: object) -> str:
-    """Return an ICAO address in upper case; raises Refused for others, which receivers mark with a tilde."""
+    """Return an ICAO address in upper case; raises Refused for other addresses, which receivers mark with a tilde."""
     icao = text.strip().upper() if isinstance(text, str) else ""
     if len(icao) != 6 or not set(icao) <= set("0123456789ABCDEF"):
         raise Refused(NOT_ICAO)
@@ -113,7 +113,7 @@ def icao_of(text: object) -> str:
 
 
 def not_null_island(latitude_deg: float, longitude_deg: float) -> None:
-    """Raise Refused for (0, 0), which is what receivers without a fix tell."""
+    """Raise Refused for (0, 0), which receivers send without a fix."""
     if latitude_deg == 0 and longitude_deg == 0:
         raise Refused(NO_FIX)
 
@@ -139,7 +139,7 @@ def ned_R_frd(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
 
 
 def pose_from_enu(t_s: float, position_enu: tuple[float, float, float], enu_R_flu: Array) -> VehiclePose:
-    """Return a pose with full attitude. Raises Refused if the position is not finite, or far off any map."""
+    """Return a pose with full attitude. Raises Refused if the position is not finite or too large."""
     if not all(abs(value) <= LARGEST_M for value in position_enu):
         raise Refused("a position out of range")
     x_m, y_m, z_m = position_enu

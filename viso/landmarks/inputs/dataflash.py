@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The vehicle's pose and fix, and aircraft, from a DataFlash log (.BIN).
 
-Poses are the XKF1 records of the core that the autopilot flew with (PI of XKF4), and only while that core says that it
-knows its position (SS of XKF4): one record has position and attitude of the same instant, and the position is in m
+Poses are the XKF1 records of the primary core (PI of XKF4), and only while that core reports a valid position (SS of
+XKF4): one record has position and attitude of the same instant, and the position is in m
 from the EKF's origin, as LOCAL_POSITION_NED's is. ATT has no position; POS has one on the globe, rounded to 1 cm, and
-may be that of the GPS or of DCM. Fixes are POS, what GLOBAL_POSITION_INT says. ADSB records are aircraft; what their
-altitude is above is not logged, it counts as pressure altitude.
+may be that of the GPS or of DCM. Fixes are POS, the content of GLOBAL_POSITION_INT. ADSB records are aircraft; the log
+does not have the reference of their altitude, so it counts as pressure altitude.
 """
 
 import math
@@ -25,7 +25,7 @@ from viso.logs.recorded import read_columns, records_in
 GPS_EPOCH_S: Final = 315_964_800
 WEEK_S: Final = 604_800
 LEAP_S: Final = 18
-"""How far the time of GPS is ahead of UTC, since 2017."""
+"""GPS time less UTC, since 2017."""
 FIX_3D: Final = 3
 _HORIZONTAL_POSITION: Final = 1 << 3 | 1 << 4  # relative or absolute
 _VERTICAL_POSITION: Final = 1 << 5
@@ -37,7 +37,7 @@ class DataFlashFile:
     """A log; its events are held in memory, their times are seconds since the autopilot's boot.
 
     Attributes:
-        utc_minus_boot_s: what makes these times UTC, by the GPS; None before the events, or if it had no fix.
+        utc_minus_boot_s: offset from these times to UTC, from the GPS; None before the events, or without a fix.
     """
 
     def __init__(self, path: Path) -> None:
@@ -49,7 +49,7 @@ class DataFlashFile:
         self._offsets_s: list[float] = []
 
     def events(self) -> Iterator[Event]:
-        """Yield what the log tells.
+        """Yield the log's events.
 
         Raises InputFileError if it holds no poses of an EKF3, and InputError if it cannot be read.
         """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an aircraft tells piece by piece: each report of a position takes along what is still fresh of the rest."""
+"""Aircraft reports from separate messages: each position is combined with the still fresh altitude and velocity."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from typing import Final
 from viso.landmarks.types import AircraftReport
 
 HELD_S: Final = 15.0
-"""An altitude or velocity older than this says nothing of a position any more."""
+"""An altitude or velocity older than this is not combined with a position."""
 _UNTOLD: Final = (0.0, 0.0, 0.0)  # speed, heading and vertical rate
 
 
@@ -23,17 +23,17 @@ class _Aircraft:
 
 
 class HeldReports:
-    """The last altitude and motion of every aircraft that was heard of lately."""
+    """The last altitude and motion of every recently heard aircraft."""
 
     def __init__(self) -> None:
         self._aircraft: dict[str, _Aircraft] = {}
 
     def altitude(self, t_s: float, icao: str, altitude_ft: float | None, *, is_baro: bool = True) -> None:
-        """Take an altitude; None for an aircraft on the ground, or one that does not know."""
+        """Store an altitude; None for an aircraft on the ground, or if unknown."""
         self._of(t_s, icao).altitude = t_s, altitude_ft, is_baro
 
     def motion(self, t_s: float, icao: str, speed_kt: float, heading_deg: float, vertical_rate_ft_min: float) -> None:
-        """Take a velocity."""
+        """Store a velocity."""
         self._of(t_s, icao).motion = t_s, (speed_kt, heading_deg, vertical_rate_ft_min)
 
     def report(self, t_s: float, icao: str, latitude_deg: float, longitude_deg: float) -> AircraftReport:

@@ -49,7 +49,7 @@ def file_lines(path: Path) -> Iterator[str]:
 
 
 class LineSplitter:
-    """Cuts the bytes of a stream into lines; what never ends is thrown away after a mebibyte."""
+    """Cuts the bytes of a stream into lines; a line without an end is discarded after a mebibyte."""
 
     def __init__(self) -> None:
         self._rest = b""

@@ -4,8 +4,8 @@
 
 A frame is 28 hexadecimal digits (14 in the short ones, which hold no position): alone, as ``*...;`` (AVR), as
 ``@`` with 12 digits of the receiver's counter before it (AVR with MLAT stamps), or after its time in s and a comma or a
-space. Positions come as pairs of even and odd frames, 10 s apart at most; an aircraft's first are held back until three
-of them agree.
+space. Positions come as pairs of even and odd frames, 10 s apart at most; an aircraft's first positions are held back
+until three agree.
 """
 
 import re
@@ -18,7 +18,7 @@ from viso.landmarks.types import Event
 
 MISSING_EXTRA: Final = f"raw Mode-S frames are decoded with pyModeS; install it with: {pip_install('landmarks')}"
 COUNTER_HZ: Final = 12e6
-"""Of the counter that receivers stamp with."""
+"""The frequency of the receivers' time stamp counter."""
 LONG_DIGITS: Final = 28
 EXTENDED_SQUITTER: Final = 17
 NON_TRANSPONDER: Final = 18
@@ -32,10 +32,10 @@ _LINE: Final = re.compile(
 
 
 class ModeSReader(LineReader):
-    """Makes a report of each position, with the velocity that the aircraft told in the 15 s before.
+    """Makes a report of each position, with the aircraft's velocity from the 15 s before.
 
     A frame's time is that in the line if there is one, or else that of arrival, or else the receiver's counter, which
-    runs from its start. Frames that make others whole, such as the first of a pair, are no refusals.
+    runs from its start. Frames that only complete others, such as the first of a pair, are not refused.
 
     Raises InputFileError if pyModeS is missing.
     """

@@ -4,11 +4,12 @@
 
 Type, transmission type, session, aircraft, address, flight, date and time of generation, date and time of logging,
 callsign, altitude (ft), ground speed (kt), track (deg), latitude, longitude, vertical rate (ft/min), squawk, alert,
-emergency, ident, on the ground; what a transmission type does not tell is empty. 1 is the callsign, 2 a position on
+emergency, ident, on the ground; fields that a transmission type does not have are empty. 1 is the callsign, 2 a
+position on
 the surface, 3 one in the air, 4 a velocity, 5 to 7 altitudes, 8 none of these. Altitudes are pressure altitudes; the
 few aircraft that send a geometric one with their position cannot be told from the others.
 
-Times are those of generation. Their zone is not in the line: it is that of the receiver, so it has to be given.
+Times are those of generation. Their time zone is the receiver's and not in the line, so it must be given.
 """
 
 import math
@@ -30,7 +31,7 @@ _LAST_FIELD: Final = {"1": 10, "2": 15, "3": 15, "4": 16, "5": 11, "6": 11, "7":
 
 
 class Sbs1Reader(LineReader):
-    """Makes a report of each position, with the altitude and velocity that the aircraft told in the 15 s before.
+    """Makes a report of each position, with the aircraft's altitude and velocity from the 15 s before.
 
     Times are UTC; lines without date and time have that of their arrival. The offset is how far the receiver's clock is
     ahead of UTC, by its zone.
@@ -50,7 +51,7 @@ class Sbs1Reader(LineReader):
         kind = fields[1] if len(fields) > 1 else ""
         if kind not in _LAST_FIELD:
             raise Refused("unknown transmission type" if len(fields) >= FIELDS else "incomplete line")
-        # The last field of a line that was cut off may have lost digits; one with another behind it has not.
+        # The last field of a truncated line may have lost digits; a field followed by another has not.
         if len(fields) < min(FIELDS, _LAST_FIELD[kind] + 2):
             raise Refused("incomplete line")
         if kind in "18":

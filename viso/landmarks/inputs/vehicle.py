@@ -5,8 +5,8 @@
 A pose is made of each ATTITUDE, as the yaw matters most; its position is that of the last LOCAL_POSITION_NED, carried
 on with its velocity. GLOBAL_POSITION_INT is a fix, above mean sea level, and ADSB_VEHICLE an aircraft.
 
-Times are on the clock of the arrivals: the autopilot's stamps, put later by the smallest delay of the last messages, so
-that they do not waver as arrivals do. What is left is the delay of the fastest of these messages.
+Times are on the clock of the arrivals: the autopilot's stamps plus the smallest delay of the last messages, which
+removes the jitter of arrivals. The delay of the fastest of these messages remains.
 """
 
 import math
@@ -25,14 +25,14 @@ from viso.landmarks.types import Event, GeodeticPoint, GlobalFix
 POSITION_REACH_S: Final = 1.0
 """A position is carried on with its velocity for no longer than this."""
 STEP_S: Final = 1.0
-"""Clocks that move against each other by more have been set, or the autopilot has booted."""
+"""A larger step between the clocks means that one was set, or that the autopilot has booted."""
 DELAYS: Final = 1000
 
 _OfVehicle = ATTITUDE | GLOBAL_POSITION_INT | LOCAL_POSITION_NED
 
 
 class ArrivalTimes:
-    """Puts stamps of a sender on the clock of their arrival."""
+    """Converts a sender's stamps to the clock of arrival."""
 
     def __init__(self) -> None:
         self._delays_s: deque[float] = deque(maxlen=DELAYS)
@@ -50,7 +50,7 @@ class ArrivalTimes:
 
 
 class MavlinkReader:
-    """Makes poses, fixes and reports of messages; those of no interest are no refusals."""
+    """Makes poses, fixes and aircraft reports from messages; other messages are ignored and not counted."""
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
@@ -58,7 +58,7 @@ class MavlinkReader:
         self._position: LOCAL_POSITION_NED | None = None
 
     def take(self, message: Message, arrival_s: float) -> list[Event]:
-        """Return what a message of the vehicle, or an aircraft, tells. Never raises on what it says."""
+        """Return the events of a message of the vehicle or an aircraft. Never raises because of its content."""
         events: list[Event] = []
         with counted(self.refused):
             if isinstance(message, _OfVehicle):
@@ -82,7 +82,7 @@ class MavlinkReader:
         return [GlobalFix(t_s, GeodeticPoint(message.lat * 1e-7, message.lon * 1e-7, message.alt * 1e-3))]
 
     def _pose(self, message: ATTITUDE, boot_s: float, t_s: float) -> Event:
-        if not (message.roll or message.pitch or message.yaw):  # what ArduPilot sends before it has an attitude
+        if not (message.roll or message.pitch or message.yaw):  # ArduPilot's value before it has an attitude
             raise Refused("an attitude that is not known yet")
         attitude = ned_R_frd(message.roll, message.pitch, message.yaw)
         at = self._position
@@ -94,7 +94,7 @@ class MavlinkReader:
 
 
 class MavlinkStream:
-    """Makes events of the bytes of a link; of several vehicles on it, poses are those of the first that tells any."""
+    """Makes events from the bytes of a link; of several vehicles, only the first that sends poses is used for them."""
 
     def __init__(self) -> None:
         self._reader = MavlinkReader()
@@ -103,7 +103,7 @@ class MavlinkStream:
         self.refused = self._reader.refused
 
     def feed(self, data: bytes, arrival_s: float) -> list[Event]:
-        """Return what the messages tell that these bytes complete."""
+        """Return the events of the messages that these bytes complete."""
         self._codec.feed(data)
         events: list[Event] = []
         while (received := self._codec.next_received()) is not None:
@@ -132,7 +132,7 @@ class TlogFile:
         self.refused = self._stream.refused
 
     def events(self) -> Iterator[Event]:
-        """Yield what the log tells. Raises InputFileError if it cannot be read."""
+        """Yield the log's events. Raises InputFileError if it cannot be read."""
         try:
             reader = read_tlog(self._path)
         except TlogError as error:
