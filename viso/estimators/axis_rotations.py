@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ways in which axes can be mixed up: the 24 rotations by right angles, the 24 mirrored ones, and their names."""
+"""Permutations of axes: the 24 rotations by right angles, the 24 mirrored ones, and their names."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from viso.geometry.rotation import Array
 BODY_WORDS: Final = ("forward", "right", "down", "back", "left", "up")
 EARTH_WORDS: Final = ("north", "east", "down", "south", "west", "up")
 
-_OF_RIGHT_ANGLES: Final = 38  # the rotations after it are of other angles
+_OF_RIGHT_ANGLES: Final = 38  # later rotations have other angles
 _ORIENT_NAMES: Final = next(row for row in VAR_INFO if row.name == "_ORIENT").values or {}
 
 
@@ -34,7 +34,7 @@ MIRRORED: Final = tuple(matrix for matrix in _signed_permutations() if np.linalg
 
 @dataclass(frozen=True, slots=True)
 class AxisMap:
-    """Where the axes x, y and z of a stream point.
+    """The directions of the axes x, y and z of a stream.
 
     Attributes:
         signed_axes: for each of them 1, 2 or 3 for x, y or z of the reference, negative for the opposite direction.
@@ -51,7 +51,7 @@ class AxisMap:
 
     @property
     def matrix(self) -> Array:
-        """What turns a vector of the stream into the reference's axes, [3, 3]."""
+        """The matrix [3, 3] from the stream's axes to the reference's."""
         matrix = np.zeros((3, 3))
         for column, axis in enumerate(self.signed_axes):
             matrix[abs(axis) - 1, column] = np.sign(axis)
@@ -59,12 +59,12 @@ class AxisMap:
 
     @property
     def is_identity(self) -> bool:
-        """Whether the axes are the reference's."""
+        """Whether the stream's axes are the reference's."""
         return self.signed_axes == (1, 2, 3)
 
     @property
     def rotation(self) -> Rotation | None:
-        """The firmware's orientation that turns vectors so, one of VISO_ORIENT's if possible; None if mirrored."""
+        """The firmware's orientation with this matrix, one of VISO_ORIENT's if possible; None if mirrored."""
         return _ROTATIONS.get(self.signed_axes)
 
     def directions(self, words: Sequence[str]) -> list[str]:
@@ -85,12 +85,12 @@ class AxisMap:
 
 
 def orient_name(rotation: Rotation) -> str:
-    """Return what VISO_ORIENT calls an orientation, such as Left; the firmware's name of one that it does not list."""
+    """Return VISO_ORIENT's name of an orientation, such as Left, or else the firmware's name."""
     return _ORIENT_NAMES.get(int(rotation), rotation.name)
 
 
 def rotation_matrix(rotation: int) -> Array:
-    """Return what one of the firmware's orientations does to a vector, as a matrix [3, 3]."""
+    """Return the matrix [3, 3] of one of the firmware's orientations."""
     columns = [rotate_vector(Vector3f(*unit), rotation, InternalErrors()) for unit in np.eye(3, dtype=np.float32)]
     return np.array([[float(column.x), float(column.y), float(column.z)] for column in columns]).T
 

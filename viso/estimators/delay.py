@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""By how much a stream of attitudes lags behind the vehicle's own motion: what VISO_DELAY_MS should be."""
+"""The delay of a stream of attitudes behind the vehicle's motion, which is the right VISO_DELAY_MS."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from viso.estimators.turning import TurnPair, centred, correlation_of, turn_pair
 from viso.geometry.rotation import Array, best_rotation, skews
 
 SEARCH_MS: Final = (-100.0, 400.0)
-"""The least and the largest delay to consider."""
+"""The search range of the delay."""
 
 LEAST_CORRELATION: Final = 0.6
 LARGEST_SIGMA_MS: Final = 10.0
@@ -32,13 +32,13 @@ _SLOPE_STEP_S: Final = 2e-3
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """How old a stream's attitudes are by its stamps.
+    """The age of a stream's attitudes at their stamps.
 
     Attributes:
-        delay_ms: the vehicle was turned so at stamp - delay_ms; negative if stamps are too old. NaN without motion.
+        delay_ms: the vehicle had the attitude at stamp - delay_ms; negative if stamps are too old. NaN without motion.
         sigma_ms: one standard deviation; infinite without motion.
-        correlation: of the rotations at that delay, 0 to 1, the stream's axes turned to fit.
-        enough_motion: whether the motion settles it.
+        correlation: of the rotations at that delay, 0 to 1, with the stream's axes rotated to fit.
+        enough_motion: whether the motion determines the delay.
         rate_rad: the vehicle's rate of turn in rad/s, root of the mean square about its mean.
     """
 
@@ -50,7 +50,7 @@ class Delay:
 
     @property
     def viso_delay_ms(self) -> int | None:
-        """The value of VISO_DELAY_MS that fits best, within its range; None without enough motion."""
+        """The best value of VISO_DELAY_MS, within its range; None without enough motion."""
         if not self.enough_motion:
             return None
         return min(max(round(self.delay_ms), DELAY_RANGE_MS[0]), DELAY_RANGE_MS[1])
@@ -62,10 +62,10 @@ def estimate_delay(
     vehicle_time_us: npt.ArrayLike,
     vehicle_quat_wxyz: npt.ArrayLike,
 ) -> Delay:
-    """Find the delay at which the stream turns as the vehicle does.
+    """Find the delay at which the stream's rotations agree with the vehicle's.
 
-    Rotations over a fifth of a second are compared in body axes; how the camera is mounted does not matter, nor where
-    the stream's heading points. The EKF subtracts VISO_DELAY_MS from the corrected stamp (CTimeMS of VISP), so with
+    Rotations over a fifth of a second are compared in body axes; neither the camera's mounting nor the stream's heading
+    matters. The EKF subtracts VISO_DELAY_MS from the corrected stamp (CTimeMS of VISP), so with
     those times the result is what VISO_DELAY_MS should be; with times of arrival the transport's lag is part of it.
 
     Args:
@@ -99,7 +99,7 @@ def _correlation(pair: TurnPair, delay_s: float) -> float:
 
 
 def _stands_out(correlations: Array, best: int, pair: TurnPair) -> bool:
-    """Say whether no other delay, some way off, fits nearly as well, as it does when a motion repeats itself."""
+    """Return whether no distant delay fits nearly as well, as happens with periodic motion."""
     peak = np.ones(len(correlations), bool)
     peak[1:] &= correlations[1:] >= correlations[:-1]
     peak[:-1] &= correlations[:-1] >= correlations[1:]
@@ -113,7 +113,7 @@ def _stands_out(correlations: Array, best: int, pair: TurnPair) -> bool:
 
 
 def _refined(pair: TurnPair, delay_ms: float) -> Delay:
-    """Move a delay of the grid to where the differences are least, by steps of Gauss and Newton."""
+    """Refine a delay of the grid by Gauss-Newton steps."""
     chosen, sigma_ms = pair, math.inf
     for _ in range(_REFINEMENTS):
         delay_s = delay_ms * 1e-3

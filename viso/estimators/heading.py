@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a stream's heading leaves the vehicle's, once all that stays the same between the two is taken out."""
+"""The departure of a stream's heading from the vehicle's, without the constant part."""
 
 from typing import Final
 
@@ -15,10 +15,10 @@ _PASSES: Final = 3
 
 
 def heading_departure(stream_wxyz: Array, vehicle_wxyz: Array) -> Array:
-    """Return by how much the stream's heading is off the vehicle's in rad, [N], less what most of it is off by.
+    """Return the stream's heading less the vehicle's in rad, [N], less the usual difference.
 
-    Where the axes of the stream's body and of its world point does not matter, nor whether the body's are exactly those
-    of a right angle; of the ways to take them, that counts with which the stream fits best.
+    The axes of the stream's body and world may be any; the body's need not be at exact right angles. The best-fitting
+    choice of axes is used.
 
     Args:
         stream_wxyz: unit quaternions from the stream's body to its world, [N, 4].
@@ -37,12 +37,12 @@ def heading_departure(stream_wxyz: Array, vehicle_wxyz: Array) -> Array:
 
 
 def _worlds(stream: Array, vehicle: Array, body: Array) -> Array:
-    """Return what turns the stream's world to the earth, [N, 3, 3], if its body's axes are turned so."""
+    """Return the rotations [N, 3, 3] from the stream's world to the earth, for given axes of its body."""
     return np.asarray(vehicle @ body @ stream.transpose(0, 2, 1), dtype=np.float64)
 
 
 def _headings(to_earth: Array) -> Array:
-    """Return where a horizontal axis of the stream's world points on the earth, rad."""
+    """Return the heading of a horizontal axis of the stream's world on the earth, rad."""
     vertical = int(np.abs(to_earth[:, 2, :].mean(axis=0)).argmax())
     horizontal = 1 if vertical == 0 else 0
     return np.asarray(np.angle(to_earth[:, :2, horizontal] @ np.array([1.0, 1j])), dtype=np.float64)

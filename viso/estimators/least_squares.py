@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Least squares with an uncertainty that holds for residuals that belong together."""
+"""Least squares with an uncertainty that holds for correlated residuals."""
 
 from typing import Final
 
@@ -16,7 +16,7 @@ _SIGMA_OF_MEDIAN: Final = 1.4826  # of a normal distribution
 
 
 def blocks_of(time_s: Array, shortest_s: float) -> npt.NDArray[np.intp]:
-    """Return the number of the block that each sample belongs to, by its time, which grows; none is too short."""
+    """Return each sample's block number by its increasing time; no block is shorter than ``shortest_s``."""
     if not len(time_s):
         return np.zeros(0, np.intp)
     span_s = float(time_s[-1] - time_s[0])
@@ -33,8 +33,8 @@ def fit(design: Array, residuals: Array, blocks: npt.NDArray[np.intp]) -> tuple[
     blocks of samples, so that neither overlapping windows nor coloured noise make it too small.
 
     Args:
-        design: how the model changes with each parameter, [N, M, P].
-        residuals: what is measured less the model, [N, M].
+        design: derivative of the model by each parameter, [N, M, P].
+        residuals: measured less modelled values, [N, M].
         blocks: number of each sample's block, [N].
 
     Returns:
@@ -43,7 +43,7 @@ def fit(design: Array, residuals: Array, blocks: npt.NDArray[np.intp]) -> tuple[
     parameters = design.shape[-1]
     normal = np.einsum("nmp,nmq->pq", design, design)
     count = int(blocks.max()) + 1 if len(blocks) else 0
-    # A parameter's unit is to have no say in what counts as singular.
+    # A parameter's unit must not affect what counts as singular.
     size = np.sqrt(normal.diagonal())
     if count < FEWEST_BLOCKS or not size.all() or np.linalg.cond(normal / np.outer(size, size)) > 1e9:
         return np.zeros(parameters), np.full((parameters, parameters), np.inf)
@@ -62,7 +62,7 @@ def mean_and_sigma(values: Array, blocks: npt.NDArray[np.intp]) -> tuple[float, 
 
 
 def inliers(lengths: Array) -> npt.NDArray[np.bool_]:
-    """Return which residuals, by their lengths [N], are no outliers, such as a jump of the heading makes."""
+    """Return which residuals, by their lengths [N], are not outliers, such as from a jump of the heading."""
     if not len(lengths):
         return np.zeros(0, bool)
     limit = _OUTLIER * _SIGMA_OF_MEDIAN * float(np.median(lengths))

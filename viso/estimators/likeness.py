@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether a stream moves as the vehicle does at all, once it is turned, mirrored, scaled and shifted in time to fit.
+"""Whether a stream's motion is the vehicle's, after the best rotation, mirroring, scale and time shift.
 
-Displacements over two seconds are compared, as for axes and scale; here it is what is left that counts.
+Displacements over two seconds are compared, as for axes and scale; here the residuals count.
 """
 
 import math
@@ -21,7 +21,7 @@ LEAST_MOVE_M: Final = 0.3
 SHORTEST_REST_S: Final = 8.0
 LONGEST_REST_S: Final = 30.0
 LONGEST_GAP_S: Final = 2.5
-"""Telemetry tells a position once a second at times."""
+"""Telemetry may send a position only once a second."""
 
 _DELAYS_MS: Final = np.arange(-1000.0, 1501.0, 125.0)
 _FEWEST_MOVES: Final = 20
@@ -42,17 +42,17 @@ _OUTERMOST: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Likeness:
-    """How a stream's moves are like those of the vehicle, where that moved.
+    """The likeness of a stream's moves to those of the vehicle, while it moved.
 
     Attributes:
-        flown_m: how far the vehicle went.
-        seen_m: how far the stream went meanwhile.
+        flown_m: distance covered by the vehicle.
+        seen_m: distance covered by the stream meanwhile.
         span_s: from the first such move to the last.
-        correlation: of the moves, the stream's turned, mirrored and shifted in time to fit best, 0 to 1; of those over
+        correlation: of the moves, 0 to 1, with the stream's rotated, mirrored and shifted in time to fit; of those over
             the ground where the vertical axis does not fit as well.
         unlike: the share of moves that are off by more than half.
-        median_m, worst_m: how far positions are apart, the stream's turned and moved to fit.
-        sufficient: whether the vehicle moved enough to tell.
+        median_m, worst_m: distances of positions, with the stream's rotated and shifted to fit.
+        sufficient: whether the vehicle moved enough.
     """
 
     flown_m: float
@@ -66,7 +66,7 @@ class Likeness:
 
     @property
     def ratio(self) -> float:
-        """What the stream went of what the vehicle did."""
+        """The stream's distance over the vehicle's."""
         return self.seen_m / self.flown_m if self.flown_m > 0 else math.inf
 
 
@@ -79,8 +79,8 @@ class Rest:
 
     Attributes:
         start_us, end_us: by the stream's times.
-        stream_m: how far apart the stream's positions are in it, the outermost left out.
-        reference_m: likewise, of the vehicle.
+        stream_m: extent of the stream's positions in it, without the outermost.
+        reference_m: the same of the vehicle.
     """
 
     start_us: int
@@ -98,15 +98,15 @@ def estimate_likeness(
     noise_m: float,
     breaks_us: npt.ArrayLike = (),
 ) -> Likeness:
-    """Return how a stream's moves are like those of a reference, whatever the stream's axes, mirrored ones included.
+    """Return the likeness of a stream's moves to those of a reference, for any axes of the stream, also mirrored.
 
     Args:
-        stream_time_us: [N], on the reference's clock; what hides in them of a delay does not matter.
+        stream_time_us: [N], on the reference's clock; a delay in them does not matter.
         stream_pos_m: [N, 3], in axes that do not turn.
         reference_time_us: [M].
         reference_pos_m: [M, 2 or 3]; without heights those of the stream do not matter.
-        noise_m: by how much the reference wanders while the vehicle stands.
-        breaks_us: when the stream restarted, in other axes perhaps.
+        noise_m: drift of the reference while the vehicle stands.
+        breaks_us: times when the stream restarted, perhaps in other axes.
 
     Raises:
         ValueError: if shapes do not fit.
@@ -139,7 +139,7 @@ def estimate_likeness(
 
 
 def _thinned(time_s: Array, positions_m: Array) -> tuple[Array, Array]:
-    """Return no more positions than are worth comparing."""
+    """Return positions thinned to a useful rate."""
     if len(time_s) < _MOST:
         return time_s, positions_m
     step_s = max(float(np.median(np.diff(time_s))), 1e-3)
@@ -151,7 +151,7 @@ def _likeness(stream_s: Array, stream_m: Array, reference_s: Array, reference_m:
     whole = _as_it_fits(stream_s, stream_m, reference_s, reference_m, noise_m)
     if not whole.sufficient or whole.correlation >= _ALIKE:
         return whole
-    # Of axes that are not mixed up the vertical one stays so: what sinks does not fly.
+    # If axes are not permuted, the vertical one stays vertical.
     level = _as_it_fits(stream_s, stream_m[:, :2], reference_s, reference_m[:, :2], noise_m)
     return level if level.sufficient else whole
 
@@ -194,14 +194,14 @@ def _moving(moves: Moves, noise_m: float) -> Moves:
 
 
 def _without_jumps(moves: Moves) -> Moves:
-    """Return moves without some in which the stream leaps: a jump or two does not make it another motion."""
+    """Return moves without a few jumps of the stream: one or two do not make it another motion."""
     length = np.linalg.norm(moves.stream_m, axis=1)
     leaps = length > max(_LEAP * float(np.quantile(length, _LEAPING)), _LEAP * LEAST_MOVE_M)
     return moves.chosen(~leaps)
 
 
 def _moving_s(moves: Moves) -> float:
-    """Return for how long moves start, gaps between stretches of them left out."""
+    """Return the time over which moves start, without gaps between stretches."""
     steps = np.diff(moves.start_s)
     return float(np.sum(steps[steps < WINDOW_S])) if len(steps) else 0.0
 
@@ -254,7 +254,7 @@ def rests(
 
     found, first, count = [], 0, len(starts) - 1
     for end in range(1, count + 1):
-        # Second by second, for as long as the vehicle stays where it is.
+        # Extended second by second while the vehicle stays in place.
         if end < count and is_rest(first, end + 1):
             continue
         inside = slice(starts[first], starts[end])
@@ -274,7 +274,7 @@ def _extent(positions_m: Array, outermost: float = 0.0) -> float:
 
 
 def departure(stream_m: Array, reference_m: Array, *, least_m: float) -> Array:
-    """Return by how much heights [N] leave those of a reference, wherever both count from, in any direction and scale.
+    """Return the departure of heights [N] from a reference, for any origin, direction and scale.
 
     If the reference changes by no more than ``least_m``, the stream's scale is taken to be right.
     """

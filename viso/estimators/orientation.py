@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which way a camera's axes point in the vehicle, and a stream's world axes on the earth.
+"""The directions of a camera's axes in the vehicle, and of a stream's world axes on the earth.
 
 A stream's attitude is the vehicle's, with two possible mistakes or mountings at its ends: the world's axes on the left
-(ENU for NED, z up) and the body's on the right (FLU for FRD, a camera turned in its mount). Body rates see the right
-one alone; it is found first, and what is left over is the world.
+(ENU for NED, z up) and the body's on the right (FLU for FRD, a camera turned in its mount). Body rates depend on the
+right one alone; it is found first, and the remainder is the world.
 """
 
 import math
@@ -25,7 +25,7 @@ LEAST_MARGIN_SIGMAS: Final = 4.0
 LEAST_RATE_RAD: Final = 0.01  # a second
 LARGEST_WORLD_SIGMA_DEG: Final = 5.0
 LARGEST_SPREAD_DEG: Final = 10.0
-NEAR_DEG: Final = 15.0  # that a direction may be off an axis and still count as along it
+NEAR_DEG: Final = 15.0  # largest angle at which a direction counts as along an axis
 
 _CAMERA: Final = ("camera {} is vehicle", BODY_WORDS)
 _FEWEST_SAMPLES: Final = 30
@@ -34,7 +34,7 @@ _SHORTEST_BLOCK_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The best of several axis maps: correlations, -1 to 1, under it and the next best, and how far it is ahead."""
+    """The best of several axis maps: correlations, -1 to 1, under it and the next best, and its lead."""
 
     best: AxisMap
     correlation: float
@@ -43,7 +43,7 @@ class Choice:
 
     @property
     def is_clear(self) -> bool:
-        """Whether neither noise nor too little motion decided."""
+        """Whether the choice is not due to noise or too little motion."""
         return self.correlation >= LEAST_CORRELATION and self.margin_sigmas >= LEAST_MARGIN_SIGMAS
 
 
@@ -52,10 +52,10 @@ UNDECIDED: Final = Choice(AxisMap((1, 2, 3)), 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class ChosenAxes:
-    """Which way a stream's axes point: those of its body in the vehicle, or those of its positions on the earth.
+    """The directions of a stream's axes: of its body in the vehicle, or of its positions on the earth.
 
-    The motion may not be sufficient to settle it; about or along one axis alone it is not. Subject and words are as
-    ``AxisMap.describe`` takes them.
+    The motion may be insufficient; motion about or along one axis alone always is. Subject and words are as for
+    ``AxisMap.describe``.
     """
 
     choice: Choice
@@ -70,7 +70,7 @@ class ChosenAxes:
 
     @property
     def name(self) -> str:
-        """Where the axes point by their letters: FRD for a vehicle's own, NED for the earth's."""
+        """The axes in letters: FRD for a vehicle's own, NED for the earth's."""
         return self.axes.letters(self.words)
 
     @property
@@ -81,10 +81,10 @@ class ChosenAxes:
 
 @dataclass(frozen=True, slots=True)
 class WorldAxes:
-    """How the axes of the stream's world point on the earth.
+    """The directions of the stream's world axes on the earth.
 
     Attributes:
-        axes: the nearest map of right angles; its horizontal axes mean something only if ``has_compass_axes``.
+        axes: the nearest map of right angles; its horizontal axes are meaningful only if ``has_compass_axes``.
         heading_deg: compass direction of the first horizontal axis, x unless x is vertical; 0 to 360.
         sigma_deg: one standard deviation of heading and vertical, the larger; infinite if unknown.
         sufficient: whether attitudes agree on one world; not so if the body axes are wrong.
@@ -116,7 +116,7 @@ class WorldAxes:
 
 
 def choose_axes(source: Array, target: Array, candidates: Sequence[Array], blocks: npt.NDArray[np.intp]) -> Choice:
-    """Return which of at least two matrices [3, 3] brings vectors [N, 3] nearest to others.
+    """Return which of at least two matrices [3, 3] maps vectors [N, 3] nearest to others.
 
     Blocks, a number for each vector, are for the margin's standard deviation.
     """
@@ -131,10 +131,10 @@ def choose_axes(source: Array, target: Array, candidates: Sequence[Array], block
 
 
 def _margin_sigmas(best: Array, second: Array, target: Array, blocks: npt.NDArray[np.intp]) -> float:
-    """Return by how many standard deviations vectors [N, 3] are nearer to the target than others are.
+    """Return the lead of vectors [N, 3] over others in closeness to the target, in standard deviations.
 
-    With d the difference of the two and e what the best leaves, the squares differ by 2 target d, and noise has its
-    part in that by 2 e d; sums over blocks say how large that part is.
+    With d the difference of the two and e the residual of the best, the squares differ by 2 target d, of which 2 e d is
+    noise; sums over blocks give the size of that part.
     """
     energy = float(np.sum(best**2))
     if energy == 0:
@@ -155,7 +155,7 @@ def estimate_orientation(
     *,
     delay_ms: float = 0.0,
 ) -> ChosenAxes:
-    """Find the body axes of a stream by how it turns; arguments as of ``estimate_delay``, which finds the delay."""
+    """Find the body axes of a stream from its rotations; arguments as of ``estimate_delay``, which finds the delay."""
     pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_quat_wxyz)
     delay_s = delay_ms * 1e-3
     pair = pair.chosen(pair.vehicle_rad(delay_s)[1])
@@ -195,7 +195,7 @@ def estimate_world_axes(
 
 
 def _world_of(to_earth: Array, blocks: npt.NDArray[np.intp]) -> WorldAxes:
-    """Return what matrices [N, 3, 3] from the stream's world to the earth have in common."""
+    """Return the common world axes of matrices [N, 3, 3] from the stream's world to the earth."""
     down = to_earth[:, 2, :]  # in the stream's axes
     mean_down = down.mean(axis=0)
     mean_down /= max(float(np.linalg.norm(mean_down)), 1e-9)

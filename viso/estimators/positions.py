@@ -31,13 +31,13 @@ _PASSES: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What a stream's positions have to be multiplied with.
+    """The factor for a stream's positions.
 
     Attributes:
         scale: reference over stream, what VISO_SCALE should be for a stream as it was sent. NaN if unknown.
         sigma: one standard deviation; infinite if unknown.
-        correlation: of the displacements, the stream's axes turned or mirrored to fit, 0 to 1.
-        sufficient: whether the vehicle moved enough to tell.
+        correlation: of the displacements, 0 to 1, with the stream's axes rotated or mirrored to fit.
+        sufficient: whether the vehicle moved enough.
     """
 
     scale: float
@@ -76,7 +76,7 @@ def estimate_scale(
         stream_pos_m: [N, 3], in any axes that do not turn.
         reference_time_us: [M].
         reference_pos_m: [M, 3].
-        delay_ms: how old the stream is by its stamps.
+        delay_ms: age of the stream's data at its stamps.
 
     Raises:
         ValueError: if shapes do not fit.
@@ -113,7 +113,7 @@ def estimate_position_axes(
     heading_deg: float = 0.0,
     delay_ms: float = 0.0,
 ) -> ChosenAxes:
-    """Find which way the axes of a stream's positions point, mirrored ones among them.
+    """Find the directions of the axes of a stream's positions, also mirrored ones.
 
     ``heading_deg`` is the compass direction that counts as north: that of the stream's x, where its heading is
     arbitrary. Other arguments are as of ``estimate_scale``.
@@ -128,7 +128,7 @@ def estimate_position_axes(
 
 
 def clean(time_us: npt.ArrayLike, pos_m: npt.ArrayLike) -> tuple[Array, Array]:
-    """Return times in s [N] and positions [N, D] without what is not finite or not later than all before."""
+    """Return times in s [N] and positions [N, D] that are finite and later than all before."""
     times, positions = np.asarray(time_us, np.float64), np.asarray(pos_m, np.float64)
     if times.ndim != 1 or positions.ndim != 2 or positions.shape[1] not in (2, 3) or len(positions) != len(times):
         raise ValueError(f"times of shape {times.shape} and positions of shape {positions.shape}: not [N] and [N, 3]")
@@ -145,7 +145,7 @@ def moves_of(
     delay_ms: float,
     longest_gap_s: float = _LONGEST_GAP_S,
 ) -> Moves:
-    """Return the displacements of a stream and of the reference over some 2 s, where both are known."""
+    """Return the displacements of a stream and of the reference over about 2 s, where both are known."""
     stream_s, stream_m = clean(stream_time_us, stream_pos_m)
     reference_s, reference_m = clean(reference_time_us, reference_pos_m)
     if len(reference_s) < 2:
@@ -159,14 +159,14 @@ def moves_of(
 def interpolated(
     time_s: Array, values: Array, at_s: Array, longest_gap_s: float
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Return values [M, D] at times [K], and which are known: those of no gap, within the first and the last."""
+    """Return values [M, D] interpolated at times [K], and which are known: those in no gap and within the recording."""
     after = np.clip(np.searchsorted(time_s, at_s, side="right"), 1, len(time_s) - 1)
     known = (at_s >= time_s[0]) & (at_s <= time_s[-1]) & (time_s[after] - time_s[after - 1] <= longest_gap_s)
     return np.column_stack([np.interp(at_s, time_s, column) for column in values.T]), known
 
 
 def best_turn(source: Array, target: Array) -> Array:
-    """Return what turns or mirrors vectors [N, 3] so that they are nearest to others [N, 2 or 3]."""
+    """Return the rotation or mirroring that brings vectors [N, 3] nearest to others [N, 2 or 3]."""
     left, _, right = np.linalg.svd(target.T @ source, full_matrices=False)
     turn: Array = left @ right
     return turn

@@ -16,7 +16,7 @@ Mask = npt.NDArray[np.bool_]
 Angles = TypeVar("Angles", float, Array)
 
 IMPOSSIBLE_S: Final = 86_400.0
-"""Records farther than this from the middle of their kind have a time that damage made up."""
+"""Records farther than this from the median of their kind have a damaged time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Series:
         return len(self.time_s)
 
     def __getitem__(self, label: str) -> Array:
-        """Return a column; NaN all along if the log has none of that label."""
+        """Return a column; all NaN if the log has none of that label."""
         return self.columns.get(label, np.full(len(self), np.nan))
 
     def has(self, label: str) -> bool:
@@ -60,7 +60,7 @@ def number_in(record: Any, *labels: str) -> float:
 
 
 def numbers_of(columns: Mapping[str, Column], labels: Sequence[str], count: int) -> Array:
-    """Return the column under the first of its labels that holds numbers; NaN all along without one."""
+    """Return the column under the first of its labels that holds numbers; all NaN without one."""
     for label in labels:
         column = columns.get(label)
         if column is not None and column.ndim == 1 and column.dtype.kind in "iuf":
@@ -69,7 +69,7 @@ def numbers_of(columns: Mapping[str, Column], labels: Sequence[str], count: int)
 
 
 def rows_in_time(table: Array) -> Array:
-    """Return rows of us and numbers in the order of their times, without those whose time damage made up."""
+    """Return rows of us and numbers ordered by time, without those whose time is damaged."""
     rows = table[np.isfinite(table[:, 0])]
     if len(rows):
         rows = rows[np.abs(rows[:, 0] - np.median(rows[:, 0])) < 1e6 * IMPOSSIBLE_S]
@@ -77,7 +77,7 @@ def rows_in_time(table: Array) -> Array:
 
 
 def series_of(rows: Sequence[Sequence[float]] | Array, labels: Sequence[str]) -> tuple[Series, int]:
-    """Return rows of TimeUS and numbers as a series, and how many were left out because their time cannot be."""
+    """Return rows of TimeUS and numbers as a series, and the number of rows left out for an impossible time."""
     table = np.array(rows, dtype=np.float64).reshape(-1, 1 + len(labels))
     kept = rows_in_time(table)
     columns = {label: kept[:, number] for number, label in enumerate(labels, 1)}
@@ -91,25 +91,25 @@ def wrapped_deg(angle_deg: Angles) -> Angles:
 
 
 def stretches_of(holds: Sequence[bool] | Mask) -> list[tuple[int, int]]:
-    """Return the first index, and the one after the last, of each stretch in which something holds."""
+    """Return the first index, and the one after the last, of each stretch in which a condition holds."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], holds, [False])).astype(np.int8)))
     return [(start, end) for start, end in edges.reshape(-1, 2).tolist()]
 
 
 def spans_of(time_s: Sequence[float] | Array, holds: Sequence[bool] | Mask) -> list[tuple[float, float]]:
-    """Return start and end, in s, of each stretch of records in which something holds.
+    """Return start and end, in s, of each stretch of records in which a condition holds.
 
-    A stretch ends with the first record in which it holds no more, or with the last one.
+    A stretch ends with the first record in which it no longer holds, or with the last one.
     """
     last = len(time_s) - 1
     return [(float(time_s[start]), float(time_s[min(end, last)])) for start, end in stretches_of(holds)]
 
 
 def total_s(spans: Sequence[tuple[float, float]]) -> float:
-    """Return how long stretches are together."""
+    """Return the total length of stretches."""
     return sum(end - start for start, end in spans)
 
 
 def overlap_s(first: Sequence[tuple[float, float]], second: Sequence[tuple[float, float]]) -> float:
-    """Return for how long two lists of stretches hold both."""
+    """Return the total overlap of two lists of stretches."""
     return sum(max(0.0, min(a[1], b[1]) - max(a[0], b[0])) for a in first for b in second)

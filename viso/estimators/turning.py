@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a body turns, from its attitudes: the rotation between any two times.
+"""Rotations of a body between any two times, from its attitudes.
 
 Rotations over a window stand for rates: both sides of a comparison are smoothed alike, a drifting or arbitrary heading
 cancels out, and the noise of single attitudes is not divided by a short time.
@@ -62,10 +62,10 @@ class Attitudes:
 def attitudes_of(time_us: npt.ArrayLike, quat_wxyz: npt.ArrayLike) -> Attitudes:
     """Return the attitudes of times [N] and of quaternions w, x, y, z from body to world [N, 4].
 
-    What is not finite, has no direction, or does not come after all before it is left out.
+    Attitudes that are not finite, have no direction, or are not later than all before are left out.
 
     Raises:
-        ValueError: if the shapes are others.
+        ValueError: if the shapes differ.
     """
     times = np.asarray(time_us, np.float64)
     values = np.asarray(quat_wxyz, np.float64)
@@ -81,13 +81,13 @@ def attitudes_of(time_us: npt.ArrayLike, quat_wxyz: npt.ArrayLike) -> Attitudes:
 
 
 def window_of(track: Attitudes) -> float:
-    """Return the seconds over which to take the rotations of a stream: some samples, but never too short."""
+    """Return the window of a stream's rotations in s: several samples, with a lower limit."""
     steps = np.diff(track.time_s)
     return max(SHORTEST_WINDOW_S, float(np.median(steps))) if len(steps) else SHORTEST_WINDOW_S
 
 
 def windows(time_s: Array, length_s: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Return indices of samples, and of those about ``length_s`` later; where there is a gap, none."""
+    """Return indices of samples, and of those about ``length_s`` later; none across a gap."""
     end = np.searchsorted(time_s, time_s + length_s - 1e-9)
     start = np.flatnonzero(end < len(time_s))
     end = end[start]
@@ -130,7 +130,7 @@ class TurnPair:
         return len(self.start_s)
 
     def vehicle_rad(self, delay_s: float) -> tuple[Array, Mask]:
-        """Return the vehicle's rotations [N, 3] in its body axes, so much earlier; and which are known."""
+        """Return the vehicle's rotations [N, 3] in its body axes, ``delay_s`` earlier, and which are known."""
         return turns(self.vehicle, self.start_s - delay_s, self.end_s - delay_s)
 
     @property
@@ -144,7 +144,7 @@ class TurnPair:
         return math.sqrt(float(np.mean(np.sum(turned**2, axis=1)))) / self.window_s
 
     def thinned(self) -> "TurnPair":
-        """Return so many rotations that each overlaps the next by half: the others say little more."""
+        """Return rotations thinned so that each overlaps the next by half: the others add little."""
         step_s = float(self.start_s[-1] - self.start_s[0]) / max(len(self) - 1, 1)
         every = max(int(0.5 * self.window_s / max(step_s, 1e-9)), 1)
         return self.chosen(np.arange(len(self)) % every == 0)
@@ -154,7 +154,7 @@ class TurnPair:
         return TurnPair(self.vehicle, self.start_s[mask], self.end_s[mask], self.stream_rad[mask])
 
     def without_outliers(self, delay_s: float, rotation: Array) -> "TurnPair":
-        """Return the rotations that agree, the stream's turned by ``rotation`` [3, 3], as most of them do."""
+        """Return the rotations without outliers, after the stream's are rotated by ``rotation`` [3, 3]."""
         vehicle, known = self.vehicle_rad(delay_s)
         off = centred(self.stream_rad) @ rotation.T - centred(vehicle)
         return self.chosen(known & inliers(np.linalg.norm(off, axis=1)))
@@ -174,12 +174,12 @@ def turn_pair(
 
 
 def centred(values: Array) -> Array:
-    """Return vectors [N, 3] less their mean, which a constant bias of a gyro is part of."""
+    """Return vectors [N, 3] less their mean, which includes a constant gyro bias."""
     less_mean: Array = values - values.mean(axis=0)
     return less_mean
 
 
 def correlation_of(source: Array, target: Array) -> float:
-    """Return the correlation of vectors [N, 3] with others as they stand, -1 to 1; 0 where nothing moves."""
+    """Return the correlation of vectors [N, 3] with others, -1 to 1; 0 without motion."""
     energy = math.sqrt(float(np.sum(source**2)) * float(np.sum(target**2)))
     return float(np.sum(source * target)) / energy if energy > 0 else 0.0
