@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far an estimated trajectory is from the true one.
+"""Errors of an estimated trajectory against the true one.
 
 The measures are those of Sturm et al., A benchmark for the evaluation of RGB-D SLAM systems (2012); the alignment is
 Umeyama's, Least-squares estimation of transformation parameters between two point patterns (1991).
@@ -29,7 +29,7 @@ class AbsoluteError:
         rmse_m: of the distances between the positions.
         path_m: length of the true path over the same time.
         alignment: maps the estimate's frame into the truth's.
-        scale: what the estimate should be multiplied with, by a similarity; a diagnostic that nothing else uses.
+        scale: factor for the estimate in the best similarity; a diagnostic only.
     """
 
     count: int
@@ -40,7 +40,7 @@ class AbsoluteError:
 
 
 def umeyama(source: Array, target: Array) -> tuple[SE3, float]:
-    """Return the rigid motion that brings points [N, 3] onto others best, and the scale of the best similarity.
+    """Return the rigid motion that best maps points [N, 3] onto others, and the scale of the best similarity.
 
     Raises EvaluationError for fewer than 3 points, or points on one spot.
     """

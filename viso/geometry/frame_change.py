@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From the axes of whoever recorded a trajectory to those of the autopilot.
+"""Conversion of a recorded trajectory's axes to those of the autopilot.
 
-Axes are three letters, one each for where x, y and z point: N, E, S, W for a world with a north, or F, R, B, L
+Axes are three letters, the directions of x, y and z: N, E, S, W for a world with a north, or F, R, B, L
 (forward, right, back, left), and U or D. FLU/URF is a world whose z points up, with a body whose x points up, y to the
 right and z forward.
 """
@@ -35,7 +35,7 @@ _DIRECTIONS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class AxesPreset:
-    """Axes of positions and attitudes by a name, and whose they are."""
+    """Named axes of positions and attitudes, and who uses them."""
 
     world: str
     body: str
@@ -95,7 +95,7 @@ def parse_rotation(text: str) -> Array:
     """Return the rotation matrix [3, 3] of a text with numbers between commas.
 
     They are roll, pitch and yaw in degrees (about x, then y, then z, all fixed), a quaternion w, x, y, z, or a matrix
-    row by row; else it raises ValueError.
+    row by row. Raises ValueError for another text.
     """
     numbers = [float(part) for part in text.split(",")]
     if len(numbers) not in (3, 4, 9):
@@ -116,15 +116,15 @@ def _handedness(matrix: Array) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameChange:
-    """What makes a recorded trajectory one of the vehicle, north-east-down or forward-right-down.
+    """The conversion of a recorded trajectory to the vehicle's, north-east-down or forward-right-down.
 
     Attributes:
-        world: maps the recording's world to NED, or to the FRD of where it started, [3, 3].
+        world: maps the recording's world to NED, or to FRD at the start, [3, 3].
         body: maps the recording's body to FRD, [3, 3], as mirrored as ``world``.
-        mounting: how the recording's body is turned on the vehicle: maps its FRD to the vehicle's, [3, 3].
-        yaw_rad: turns the world, clockwise seen from above.
-        from_zero: let the first position be the origin.
-        scale: what positions and velocities are multiplied by, positive.
+        mounting: maps the FRD axes of the recording's body to the vehicle's, [3, 3].
+        yaw_rad: rotation of the world, clockwise seen from above.
+        from_zero: whether the first position becomes the origin.
+        scale: factor for positions and velocities, positive.
     """
 
     world: Array

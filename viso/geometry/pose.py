@@ -27,7 +27,7 @@ _IDENTITY: Final = np.eye(3)
 def read_only(value: Any, shape: tuple[int, ...], field: str, *, finite: bool = True) -> Array:
     """Return a C-contiguous float64 copy that cannot be written to.
 
-    Raises ValueError if the shape differs or, unless told otherwise, a number is not finite; names the field.
+    Raises ValueError if the shape differs or, by default, a number is not finite; names the field.
     """
     array = np.array(value, dtype=np.float64, order="C")
     if array.shape != shape:
@@ -62,7 +62,7 @@ class SE3:
 
     @classmethod
     def identity(cls) -> Self:
-        """Return the motion that leaves everything where it is."""
+        """Return the identity."""
         return cls(_IDENTITY, np.zeros(3))
 
     @classmethod
@@ -101,7 +101,7 @@ class SE3:
         return quat_wxyz_from_rotation(self.R)
 
     def inverse(self) -> "SE3":
-        """Return the motion back."""
+        """Return the inverse motion."""
         return SE3(self.R.T, -self.R.T.dot(self.t))
 
     def __matmul__(self, other: "SE3") -> "SE3":
@@ -121,9 +121,10 @@ class SE3:
 
 
 def sound_covariance(cov: Array) -> Array | None:
-    """Return a covariance, exactly symmetric and without negative eigenvalues, or None if it is none.
+    """Return a covariance made exactly symmetric and without negative eigenvalues, or None if it is invalid.
 
-    It is one if it is finite, symmetric to 1e-9 of its largest element, and its smallest eigenvalue is not below -1e-12
+    It is valid if it is finite, symmetric to 1e-9 of its largest element, and its smallest eigenvalue is not below
+    -1e-12
     of the largest.
     """
     if not np.isfinite(cov).all():

@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 SMALL_ANGLE_RAD: Final = 1e-7
 ORTHONORMAL: Final = 1e-6
-"""By how much the product of a rotation matrix with its transpose may differ from the identity."""
+"""The largest difference between the identity and the product of a rotation matrix with its transpose."""
 IDENTITY_QUAT: Final = np.array((1.0, 0.0, 0.0, 0.0))
 _IDENTITY: Final = np.eye(3)
 _NEAR_PI_RAD: Final = 1e-3
@@ -28,7 +28,7 @@ _CONJUGATE: Final = np.array((1.0, -1.0, -1.0, -1.0))
 
 
 def product(first: npt.ArrayLike, second: npt.ArrayLike) -> Array:
-    """Return the quaternions [..., 4] that rotate as the second ones, then as the first; of any length."""
+    """Return the products [..., 4] of quaternions of any length: the second rotation, then the first."""
     a, b, c, d = np.moveaxis(np.asarray(first, np.float64), -1, 0)
     w, x, y, z = np.moveaxis(np.asarray(second, np.float64), -1, 0)
     return np.stack(

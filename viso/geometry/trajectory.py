@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A trajectory: where a body was and how it was turned, at increasing times; recorded, estimated, or true."""
+"""A trajectory: positions and attitudes of a body at increasing times; recorded, estimated, or true."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,7 +38,7 @@ class Pose:
         quat_wxyz: attitude, from body to world.
         velocity: in m/s, in the world.
         covariance: [6, 6] of position in m and rotation in rad about the axes of the world; None when unknown.
-        resets: how often the map had been lost before.
+        resets: number of earlier losses of the map.
     """
 
     position: Array
@@ -54,15 +54,15 @@ class Trajectory:
 
     Attributes:
         times_ns: [N], strictly increasing; N may be 0.
-        positions: [N, 3] in m, in a world of its own.
+        positions: [N, 3] in m, in the trajectory's world.
         quats_wxyz: [N, 4], from body to world; made unit when given.
         velocities: [N, 3] in m/s, in the world; None when the recording has none.
         covariances: [N, 6, 6] of position in m and rotation in rad about the axes of the world, NaN where unknown;
             None when the recording has none.
-        resets: [N], how often the map had been lost before a record; all 0 unless given.
-        left_out: how many records of the file are not here, by reason.
+        resets: [N], number of losses of the map before each record; all 0 unless given.
+        left_out: number of records of the file that were left out, by reason.
 
-    Raises ValueError, naming it, if a field is not what it should be.
+    Raises ValueError, naming the field, if one is invalid.
     """
 
     times_ns: Integers
@@ -115,7 +115,7 @@ class Trajectory:
 
     @property
     def path_length_m(self) -> float:
-        """How far the body travelled, along straight lines from record to record."""
+        """The distance travelled, along straight lines from record to record."""
         return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
 
     @cached_property
@@ -126,7 +126,7 @@ class Trajectory:
 
     @cached_property
     def world_velocities(self) -> Array:
-        """The velocities of the recording, or else those by which the positions change, [N, 3] in m/s."""
+        """The velocities of the recording, or else the derivatives of the positions, [N, 3] in m/s."""
         if self.velocities is not None:
             return self.velocities
         slopes = np.zeros((len(self), 3))
@@ -205,8 +205,8 @@ class Trajectory:
     def interpolated(self, times_ns: npt.ArrayLike) -> "Trajectory":
         """Return the trajectory at other times [K], strictly increasing.
 
-        Positions, velocities and covariances are interpolated linearly, quaternions too and then made unit. Between
-        two records that a reset parts, the earlier one stands. Raises ValueError for a time outside the trajectory.
+        Positions, velocities and covariances are interpolated linearly, quaternions too and then made unit. Between two
+        records with a reset in between, the earlier one holds. Raises ValueError for a time outside the trajectory.
         """
         times = np.asarray(times_ns, np.int64)
         if len(times) and (not len(self) or times[0] < self.times_ns[0] or times[-1] > self.times_ns[-1]):

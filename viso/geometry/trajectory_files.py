@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Trajectories in files: from the text of TUM, EuRoC, KITTI and others to records, and from records to a trajectory.
 
-What cannot be used is left out, and counted with a reason. Bags become records in ``viso.streams.bag_formats``.
+Unusable records are left out, and counted by reason. Bags become records in ``viso.streams.bag_formats``.
 """
 
 import re
@@ -20,7 +20,7 @@ from viso.geometry.rotation import Array, quat_wxyz_from_rotation
 from viso.geometry.trajectory import TIME_END_NS, Trajectory
 
 LARGEST: Final = 1e6
-"""No position in m and no velocity in m/s is larger; what is, came from a damaged file, or counts from far away."""
+"""No position in m and no velocity in m/s is larger; a larger one is from a damaged file, or has a far origin."""
 DAY_NS: Final = 86_400 * 10**9
 _UNIT_LENGTH: Final = 0.05
 
@@ -56,7 +56,7 @@ class TooFewRecords(TrajectoryError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Records:
-    """What a file holds, as it stands there, whether it can be used or not.
+    """The records of a file as written, usable or not.
 
     Attributes:
         source: the file's name.
@@ -65,8 +65,8 @@ class Records:
         quats_wxyz: [N, 4], of whatever norm.
         velocities: [N, 3] in m/s, in the world; None if the file has none.
         covariances: [N, 6, 6], NaN where there is none; None if the file has none.
-        arrivals_ns: [N], when who wrote the file got each record; None if the file does not tell.
-        left_out: what was left out already, by reason.
+        arrivals_ns: [N], when the writer of the file received each record; None if the file does not have it.
+        left_out: number of records left out already, by reason.
     """
 
     source: str
@@ -80,10 +80,10 @@ class Records:
 
 
 def usable(records: Records, *, from_anywhere: bool = False, fewest: int = 2) -> Trajectory:
-    """Return the trajectory of what can be used; a record without a time has that of its arrival.
+    """Return the trajectory of the usable records; a record without a time has that of its arrival.
 
     Records that cannot be used are left out, and counted. Velocities that are all 0 or NaN count as unknown, as do
-    covariances whose numbers are all 0: programs that do not know them write that. ``from_anywhere`` lets positions lie
+    covariances whose numbers are all 0: programs write that for unknown values. ``from_anywhere`` lets positions lie
     far from the origin, as those of UTM do, if near to each other. Raises TooFewRecords for less than ``fewest``.
     """
     times_ns = records.times_ns
@@ -131,7 +131,7 @@ def usable(records: Records, *, from_anywhere: bool = False, fewest: int = 2) ->
 
 
 def _sound(covariances: Array, counts: dict[str, int]) -> Array | None:
-    """Return the covariances, NaN where they are none; None if there is none at all."""
+    """Return the covariances, NaN for invalid ones; None if there are none at all."""
     bad = 0
     for covariance in covariances:
         if np.isnan(covariance).any() or not covariance.any():
@@ -158,13 +158,13 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Which columns hold what, from 0; time is in the first, the position in the next three.
+    """The columns of a format, from 0; time is in the first, the position in the next three.
 
     Attributes:
         quat: the columns of w, x, y, z.
-        columns: how many there are at least.
-        velocity: where the three columns begin; they may be missing.
-        covariance: where the upper triangles of rotation and of position begin, 6 numbers each.
+        columns: least number of columns.
+        velocity: first of its three columns, which may be missing.
+        covariance: first columns of the upper triangles of rotation and of position, 6 numbers each.
         nanoseconds: whether a time without a decimal point is in ns, however small it is.
     """
 
@@ -182,7 +182,7 @@ OKVIS: Final = Layout((7, 4, 5, 6), velocity=8, nanoseconds=True)
 
 
 def read_text(path: Path) -> str:
-    """Return what a text file holds. Raises TrajectoryError if it cannot be read or is not text."""
+    """Return the content of a text file. Raises TrajectoryError if it cannot be read or is not text."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
@@ -253,7 +253,7 @@ def kitti_records(path: Path, times: Path | None) -> Records:
 def _full_rows(path: Path, columns: int) -> tuple[list[Row], dict[str, int]]:
     """Return the rows of a file, at least one and all of a length, and what was left out.
 
-    The last line may be shorter when it has no end: whoever wrote it was stopped in the middle.
+    The last line may be shorter if it has no end: its writer was stopped.
     """
     text = read_text(path)
     rows = list(rows_of(text))
@@ -271,7 +271,7 @@ def _full_rows(path: Path, columns: int) -> tuple[list[Row], dict[str, int]]:
 
 
 def _quat_wxyz(matrix: Array) -> Array:
-    """Return the quaternion of a matrix as it comes from a file; zeros if that is no rotation."""
+    """Return the quaternion of a matrix from a file; zeros if it is not a rotation."""
     with np.errstate(all="ignore"):
         is_rotation = np.abs(matrix @ matrix.T - np.eye(3)).max() < _ROTATION and np.linalg.det(matrix) > 0
     return quat_wxyz_from_rotation(matrix) if is_rotation else np.zeros(4)
