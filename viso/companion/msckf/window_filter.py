@@ -208,7 +208,7 @@ class WindowFilter:
             point: the point, relative to a pose of the window.
             sigma: of its normalised coordinates.
             inverse_sigma: of its inverse depth, in 1/m.
-            like: a held point whose distance is correlated with this one's; None if there is none.
+            like: index of a held point at the same distance, up to ``inverse_sigma``; None if there is none.
         """
         size = len(self.cov)
         cov = np.zeros((size + POINT, size + POINT))

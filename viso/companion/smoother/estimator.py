@@ -42,7 +42,7 @@ _SIGHTINGS_LAG_NS: Final = round((LAG_S - 0.5) * 1e9)  # none from a node that i
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Node:
-    """A frame that the smoother takes in.
+    """A frame for the smoother.
 
     Attributes:
         number: larger than those before.

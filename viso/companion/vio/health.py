@@ -16,7 +16,7 @@ from viso.companion.vio.types import VioHealth, VioState
 MIN_COVERAGE: Final = 0.25
 MAX_MRE_PX: Final = 3.0
 MAX_GROWTH: Final = 4.0  # of a variance
-WELL_KNOWN_M_S: Final = 0.1  # an uncertainty below this since the keyframe is never too large
+WELL_KNOWN_M_S: Final = 0.1  # a sigma below this, per second since the keyframe, is never too large
 GROWTH_FRAMES: Final = 50
 MAX_INNOVATION_RATIO: Final = 4.0
 LOST_INLIERS: Final = 8
