@@ -31,17 +31,17 @@ _VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRU
 READ_BEFORE_HANDLING_US: Final = 1800
 _PERIOD_WITHOUT_FILTER_US: Final = 8 * LOOP_PERIOD_US
 SILENCE_BEGIN_US: Final = 30_000_000
-"""What is run of a long silence at its begin: health, aiding and arming have run out then, within 15 s."""
+"""The part of a long silence that is run at its start; health, aiding and arming time out within 15 s."""
 SILENCE_END_US: Final = 5_000_000
-"""What is run before the message that ends it, so that sensors and filter are in step again."""
+"""The part that is run before the message that ends it, so that sensors and filter are up to date again."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayedMessage:
-    """What the vehicle made of one message.
+    """The outcome of one message.
 
     ``records`` are the VISO, VISP and VISV records: name, then the fields. ``arrival_us`` is as recorded. ``samples``
-    are those that it handed to the filter; None where that is not watched.
+    are those passed to the filter; None if that is not recorded.
     """
 
     arrival_us: int | None
@@ -62,7 +62,7 @@ class ReplayedMessage:
 
 @dataclass(frozen=True, slots=True)
 class _Handled:
-    """A message, and until when it waits for the outcomes of its samples."""
+    """A message, and the time until which it waits for the outcomes of its samples."""
 
     message: ReplayedMessage
     until_us: int
@@ -76,11 +76,11 @@ class Replay:
 
     Args:
         vehicle: fresh, with one link's parameters.
-        stream: what to feed.
+        stream: the stream to feed.
         baud: rate of the link's transport-time model; None for a link without delay.
         watch: of the vehicle's filter; with it the vehicle runs on after the last message until the filter is done.
-        filter_until_us: since boot; the filter, which takes most of the time, runs no further. None for all the way.
-        on_sent: told what the vehicle sends; None if nobody wants to know.
+        filter_until_us: since boot; the filter, which takes most of the time, stops then. None for no limit.
+        on_sent: called with the vehicle's output; None to discard it.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class Replay:
     def run(self, on_progress: Callable[[int], None] = lambda _count: None) -> Iterator[ReplayedMessage]:
         """Feed the stream and yield the outcome of each message, in order; the vehicle's log is then complete.
 
-        ``on_progress`` is told the number of messages fed so far.
+        ``on_progress`` is called with the number of messages fed so far.
         """
         fed = 0
         for batch in batches(self._stream):
@@ -143,7 +143,7 @@ class Replay:
         yield from self._take_ripe()
 
     def notes(self) -> tuple[str, ...]:
-        """Return what of the stream's time was not run, a line if there was any."""
+        """Return a line on the parts of the stream's time that were not run, if any."""
         if not self._silences_us:
             return ()
         start_us, length_us = max(self._silences_us, key=lambda silence: silence[1])
@@ -163,7 +163,7 @@ class Replay:
             self._on_sent(self._vehicle.endpoint.bytes_to_send(self._channel))
 
     def _wait_until(self, time_us: int) -> None:
-        """Run until a message comes; of a long silence in which nothing moves, only its begin and its end."""
+        """Run until a message comes; of a long silence without motion, only its start and its end."""
         silent_us = self._scheduler.now_us
         while time_us - self._scheduler.now_us > LONGEST_SILENCE_US:
             self._run_until(self._scheduler.now_us + SILENCE_BEGIN_US)
@@ -193,7 +193,7 @@ class Replay:
 
 
 def batches(stream: Stream) -> Iterator[tuple[StreamMessage, ...]]:
-    """Yield the messages that were waiting together.
+    """Yield the messages that were waiting at the same time.
 
     In a capture a message that makes no record carries its predecessor's time. It was waiting with it only if one that
     does make a record follows it at the same time; otherwise its own time is unknown, and it is fed alone.
@@ -220,7 +220,7 @@ def _split_tail(group: Sequence[StreamMessage]) -> Iterator[tuple[StreamMessage,
 
 
 def makes_record(frame: bytes) -> bool:
-    """Return whether a frame carries external navigation that gets as far as the log."""
+    """Return whether a frame carries external navigation that reaches the log."""
     codec = Codec(0, 0)
     codec.feed(frame)
     received = codec.next_received()

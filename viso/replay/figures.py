@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Figures of a replay: how much was used, how far samples were off, when the filter navigated."""
+"""Figures of a replay: share of samples used, innovations, and times of aiding."""
 
 import math
 import statistics
@@ -37,7 +37,7 @@ from viso.vehicle.vehicle import Vehicle
 
 Figure = float | int | None
 Row = dict[str, Any]
-"""Figures by column, and under ``BY_TIME`` the sums that they are made of."""
+"""Figures by column, and under ``BY_TIME`` their sums over time."""
 
 BY_TIME: Final = "by_time"
 """Sums of innovations over equal spans of time: the length of a span in s, and by kind rows of the number of the span,
@@ -128,7 +128,7 @@ class _Squares:
 
 
 class _ByTime:
-    """Sums over spans of time, which double in length whenever there get to be too many."""
+    """Sums over spans of time, which double in length when there are too many."""
 
     def __init__(self) -> None:
         self._span_s = 1
@@ -156,7 +156,7 @@ class _ByTime:
 class Judge:
     """Follows a replay and returns its row of figures; ``truth`` is the path of the vehicle, by times since boot.
 
-    ``basis`` is what the vehicle's motion is made of, with ``notes`` on it, if it flies a log again.
+    ``basis`` is the source of the vehicle's motion, with ``notes`` on it, if it repeats a log's flight.
     """
 
     def __init__(self, truth: Trajectory | None = None) -> None:
@@ -172,7 +172,7 @@ class Judge:
         self._gate_of: Callable[[str], float] = lambda _kind: math.nan
 
     def start(self, vehicle: Vehicle, watch: FilterWatch | None) -> None:
-        """Follow a vehicle from boot on."""
+        """Observe a vehicle from boot on."""
         self._vehicle = vehicle
         self._gate_of = _gates(vehicle)
         flight = vehicle.source.flight
@@ -191,7 +191,7 @@ class Judge:
         self._by_time.add(kind, time_us, (sigmas**2, innovation**2))
 
     def take_message(self, message: ReplayedMessage) -> None:
-        """Take the outcome of a message."""
+        """Add the outcome of a message."""
         for name, values in message.records:
             if name in _STAMPED:
                 time_us, corrected_ms = values[_TIME], values[_CORRECTED]
@@ -252,7 +252,7 @@ class Judge:
 
 
 def timed_places(time_us: npt.NDArray[np.int64], places: Array) -> Trajectory:
-    """Return places without attitudes; those that are not later than the one before are left out."""
+    """Return positions over time, without attitudes and without those not later than the previous one."""
     kept = np.diff(time_us, prepend=-1) > 0
     return Trajectory(time_us[kept] * 1000, places[kept], np.tile((1.0, 0.0, 0.0, 0.0), (kept.sum(), 1)))
 

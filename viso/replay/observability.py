@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parameters that a replay cannot judge, because of what moves its vehicle."""
+"""Parameters that a replay cannot judge, because of the source of its vehicle's motion."""
 
 from collections.abc import Iterable, Iterator
 from typing import Final
@@ -28,7 +28,7 @@ def unobservable(name: str, imu: str) -> str | None:
 def caution(name: str, basis: Basis | None) -> str | None:
     """Return the reason for caution about a result for a parameter; None without one.
 
-    ``basis`` is what the motion of the vehicle is made of; None for anything but a log.
+    ``basis`` is the source of the vehicle's motion; None for anything but a log.
     """
     if name in OF_THE_STREAM and basis is Basis.ESTIMATE:
         return "the motion is what the filter believed in flight, so what fits best leans to the value of that flight"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A replay from the first message to the last, and what is left of it."""
+"""A replay from the first message to the last, and its outcome."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
 class SaidText(NamedTuple):
-    """A text of the vehicle: when in us since boot, MAV_SEVERITY, and what."""
+    """A text of the vehicle: time in us since boot, MAV_SEVERITY and text."""
 
     time_us: int
     severity: int
@@ -38,7 +38,7 @@ class SaidText(NamedTuple):
 class ReplaySetup:
     """How to replay a stream: ``baud`` is the rate of the UART whose transport time is modelled; None for none.
 
-    The AHRS has a filter if the filter is to be watched.
+    The AHRS has a filter if the filter is to be recorded.
     """
 
     make_ahrs: Callable[[Vehicle], AhrsBase]
@@ -49,17 +49,17 @@ class ReplaySetup:
 
 @dataclass(frozen=True)
 class ReplayOutcome:
-    """What a replay has come to.
+    """The outcome of a replay.
 
     Attributes:
-        verdicts: how often each message met each verdict.
-        filter_counts: what the filter did with how many samples.
+        verdicts: number of messages by type and verdict.
+        filter_counts: number of samples by the filter's decision.
         params: the vehicle's parameters at the end, by name.
         unknown_params: those of the settings that it does not have.
-        innovations: of samples that the filter tested; None where it was not watched.
-        aiding: by what it navigated; None where it was not watched.
-        messages: the outcome of each, if they were to be kept.
-        notes: what of the stream was not run, a line each.
+        innovations: of samples that the filter tested; None without a filter.
+        aiding: the filter's aiding over time; None without a filter.
+        messages: the outcome of each, if they are kept.
+        notes: parts of the stream that were not run, a line each.
     """
 
     verdicts: VerdictCounts
@@ -102,9 +102,9 @@ def run_replay(
 ) -> ReplayOutcome:
     """Replay a stream into a fresh vehicle, whose parameters are ``settings`` from boot on.
 
-    ``open_log`` opens its DataFlash log. ``on_message`` is told of each message as soon as its outcome is known,
-    ``on_progress`` how many have been fed, ``on_start`` of the vehicle and of who watches its filter before anything is
-    fed, and ``on_sent`` what the vehicle sends. The outcome has the messages if they are to be kept.
+    ``open_log`` opens its DataFlash log. ``on_message`` is called with each message once its outcome is known,
+    ``on_progress`` with the number of messages fed, ``on_start`` with the vehicle and the observer of its filter before
+    the first message, and ``on_sent`` with the vehicle's output. The outcome has the messages if they are kept.
     """
     config = VehicleConfig(setup.make_ahrs, defaults=settings, open_log=open_log, firmware=setup.firmware)
     vehicle = Vehicle(config)

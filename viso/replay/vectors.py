@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Recomputes recorded firmware behaviour: scenarios of the library, maths calls, jitter sequences.
 
-A line of a recording names what was done and what came of it. Here the same is done to the port, and the line is
-written again with what came of that. The recorded outcome is not looked at.
+A line of a recording has inputs and the firmware's outputs. Here the port gets the same inputs, and the line is written
+with its outputs. The recorded outputs are not read.
 """
 
 import operator
@@ -32,7 +32,7 @@ Out = list[object]
 
 
 class VectorError(ValueError):
-    """A line has no known form; the text says what is wrong."""
+    """A line has no known form; the text gives the reason."""
 
 
 _MALFORMED: Final = (TypeError, KeyError, ValueError, OverflowError)
@@ -98,12 +98,12 @@ class Scenario:
         self._visual_odom.init()
 
     def send_text(self, severity: int, text: str) -> None:
-        """Take a text of the library (TextSink)."""
+        """Record a text of the library (TextSink)."""
         self._collect_calls()
         self._out.append(["text", severity, text])
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
-        """Take a log record of the library (RecordSink)."""
+        """Record a log record of the library (RecordSink)."""
         self._collect_calls()
         self._out.append(["log", structure.name, *map(json_value, values)])
 

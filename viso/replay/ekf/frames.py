@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The frames of a log with replay records: times and inertial data, read by columns (AP_DAL/LogStructure.h).
 
-A frame begins with RFRH. In it come the inputs that have changed, then RFRF, and what was logged or handed in from
-outside. RISI is written when it differs from the frame before, and stands until another one comes.
+A frame begins with RFRH. It holds the changed inputs, RFRF, and records that were logged or passed in from outside.
+RISI is written when it differs from the previous frame, and holds until the next one.
 """
 
 from typing import Final
@@ -44,10 +44,10 @@ class Frames:
     Attributes:
         time_us: of each, since boot.
         is_confirmed: whether RFRF confirms it. The filter starts in no other frame.
-        starts: where that is in the log, in bytes.
-        runs: where EKF3 has run at the latest: the same, or before what comes after it in the frame.
-        begins, begin_times_us: where all frames begin, whether or not EKF3 runs in them, and when.
-        end: where the log is not read any further.
+        starts: offset of that place in the log, in bytes.
+        runs: latest offset at which EKF3 has run: the same, or before the records that follow it in the frame.
+        begins, begin_times_us: offset and time of the start of all frames, whether or not EKF3 runs in them.
+        end: offset up to which the log is read.
     """
 
     def __init__(self, log: LogColumns, until_us: float) -> None:
@@ -82,7 +82,7 @@ class Frames:
         return len(self.time_us)
 
     def problem(self) -> tuple[int, RecordError] | None:
-        """Return the place in bytes from which on the log cannot be used, and why; None if all of it can."""
+        """Return the offset from which on the log cannot be used, and why; None if all of it can."""
         found = [imu.bad for imu in self._imus if imu.bad is not None]
         backwards = np.flatnonzero(np.diff(self.begin_times_us) < 0)
         if len(backwards):
@@ -135,8 +135,8 @@ class _Imu:
 
     Attributes:
         deltas, flags: of each of its records.
-        row: the number of the record that holds in each frame, -1 before the first.
-        bad: the place in bytes of the first record that cannot be used, and why; None if all can.
+        row: the number of the valid record in each frame, -1 before the first.
+        bad: the offset of the first record that cannot be used, and why; None if all can.
     """
 
     def __init__(self, readings: Array, places: Ints, until: Ints) -> None:

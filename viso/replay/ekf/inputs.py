@@ -40,7 +40,7 @@ _NO_RANGE: Final = FinderState((0.0, 0.0, 0.0), 0.0, 0, RangeStatus.NOT_CONNECTE
 
 
 def flow_of(record: Any) -> FlowMeasurement:
-    """Return the measurement of a flow sensor in ROFH; its offset is its place on the vehicle."""
+    """Return the measurement of a flow sensor in ROFH; its offset is its position on the vehicle."""
     flow_x, flow_y, gyro_x, gyro_y, x, y, z = numbers(record, "FX", "FY", "GX", "GY", "PX", "PY", "PZ")
     (quality,) = whole(record, "Qual")
     return FlowMeasurement(quality, (flow_x, flow_y), (gyro_x, gyro_y), (x, y, z))
@@ -58,7 +58,7 @@ class GpsRecords:
         self._last_fix_ms: dict[int, int] = {}
 
     def take(self, record: Any) -> None:
-        """Take a record: RGPH has the number of receivers, RGPI what changes seldom, RGPJ a solution."""
+        """Read a record: RGPH has the number of receivers, RGPI the slowly changing values, RGPJ a solution."""
         kind = record.get_type()
         if kind == "RGPH":
             self._count, self._primary = whole(record, "NumInst", "Primary")
@@ -77,7 +77,7 @@ class GpsRecords:
     def newest(self, receiver: int | None = None) -> GpsSample | None:
         """Return the newest solution of a receiver, the primary one if none is named, or None without one.
 
-        Its antenna is where it is on the vehicle.
+        Its antenna offset is the position on the vehicle.
         """
         which = self._primary if receiver is None else receiver
         slow, fast = self._slow.get(which), self._fast.get(which)
@@ -158,7 +158,7 @@ class ReplayInputs:
         }
 
     def take(self, record: Any) -> bool:
-        """Take a record; return whether it is one of a sensor. Raises RecordError if it cannot be used."""
+        """Read a record; return whether it is one of a sensor. Raises RecordError if it cannot be used."""
         handler = self._handlers.get(record.get_type())
         if handler is not None:
             handler(record)
@@ -273,18 +273,19 @@ class CoreInputs:
         return self._inputs.gps
 
 
-# The magnetic field at the origin, which the firmware has from a table of the world
+# The magnetic field at the origin, which the firmware reads from a world table
 
 
 def declination_of(headings: Iterable[Any]) -> float | None:
-    """Return the first declination of some RMGH records; the firmware's table has it from the origin on."""
+    """Return the first declination of some RMGH records; it is from the firmware's table once the origin is set."""
     return next((declination for record in headings if (declination := finite(record, "Dec")[0])), None)
 
 
 def field_of(records: Iterable[Any], declination: float | None) -> Array | None:
-    """Return the earth's field by the firmware's table, Gauss, NED, which no replay record has.
+    """Return the earth's field of the firmware's table, Gauss, NED, which no replay record has.
 
-    The estimate of it begins there as the origin is set. XKF2 has that cut off to 1 mGauss. ``records`` are the MSG and
+    The filter's estimate starts from it when the origin is set. XKF2 has that truncated to 1 mGauss. ``records`` are
+    the MSG and
     XKF2 records of a log.
     """
     if declination is None:

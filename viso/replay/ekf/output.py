@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The log that the filter writes when it is run over another one."""
+"""The output log of a filter that is run over another log."""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -15,12 +15,12 @@ from ekf_stub.reports import CoreReport
 from viso.files.outputs import output_file
 from viso.logs.logger import STRUCTURES
 
-# Whatever the level of the firmware's own log: the estimates are what this log is for.
+# Independent of the firmware's own log level: this log is for the estimates.
 _ALWAYS: Final = {"EK3_LOG_LEVEL": 0}
 
 
 class EkfOutput:
-    """A DataFlash log in memory: parameters, texts, events and estimates, and nothing before :meth:`begin`."""
+    """A DataFlash log in memory: parameters, texts, events and estimates, empty before :meth:`begin`."""
 
     def __init__(self, primary: Callable[[], int]) -> None:
         self._writer = DataFlashWriter(STRUCTURES)
@@ -35,7 +35,7 @@ class EkfOutput:
 
     @property
     def is_empty(self) -> bool:
-        """Return whether it has not begun."""
+        """Return whether it is empty."""
         return not self._data
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
@@ -51,7 +51,7 @@ class EkfOutput:
         self._data += self._writer.parameter(name, value, time_us=time_us)
 
     def passed(self, number: int, core: Core, time_us: int) -> None:
-        """Append what a core logs by itself after a pass."""
+        """Append the records that a core logs after a pass."""
         self._estimates_of(number).log_pass(core, time_us)
 
     def estimates(self, number: int, report: CoreReport, time_us: int) -> None:
@@ -59,9 +59,9 @@ class EkfOutput:
         self._estimates_of(number).write_streaming(report, time_us)
 
     def save(self, path: Path) -> None:
-        """Put the log in place as a whole.
+        """Write the log to a file at once.
 
-        Raises InputError if that cannot be done; what was there before is untouched.
+        Raises InputError if that fails; an existing file then stays unchanged.
         """
         with output_file(path) as file:
             file.write(self._data)

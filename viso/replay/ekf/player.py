@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Plays the replay records of a log to the filter, in the order in which the firmware wrote them (AP_DAL/AP_DAL.cpp).
 
-A log has them when it was written with LOG_REPLAY: each frame's inertial data and sensors, and every call by which
-external navigation came in. Frames are handed to the filter many at once, up to the next record that is more than
-inertial data.
+A log has them when it was written with LOG_REPLAY: each frame's inertial data and sensors, and every call with external
+navigation. Frames are passed to the filter in blocks, up to the next record that is not inertial data.
 """
 
 from collections.abc import Callable
@@ -52,16 +51,16 @@ _USUAL: Final = {"EK3_AFFINITY": 0.0, "EK3_ERR_THRESH": 0.2, "EK3_OPTIONS": 0.0,
 
 
 class PlayerEvents(TextSink, Protocol):
-    """Receives the texts of the filter, and what the vehicle does to it."""
+    """Receives the texts of the filter, and the vehicle's actions on it."""
 
     def passed(self) -> None:
-        """Follow a run up to a pass in which there is something to log."""
+        """Handle a run up to a pass with something to log."""
 
     def source_set(self, index: int) -> None:
-        """Take the source set that was chosen, 0..2."""
+        """Handle the choice of a source set, 0..2."""
 
     def origin(self, place: Location) -> None:
-        """Take the origin that was set."""
+        """Handle the setting of the origin."""
 
 
 class EkfPlayer:
@@ -76,7 +75,7 @@ class EkfPlayer:
         params: the parameters as the log has them so far.
         place_declination: the declination at the origin, rad; None if it is unknown.
         place_field: the magnetic field at the origin by the firmware's table, Gauss, NED; None if it is unknown.
-        imus: the IMU of each core that is run, by the core's number; empty before the first frame.
+        imus: the IMU of each core that runs, by the core's number; empty before the first frame.
         lanes: the cores, in that order; None until they start.
         time_us: the time of the present frame, since boot.
         next_frame: the number of the first frame that has not been run.
@@ -139,9 +138,9 @@ class EkfPlayer:
         return UNINITIALISED if self.lanes is None else report_of(self.lanes, list(self.imus).index(number))
 
     def take(self, record: Any) -> None:
-        """Take the next record of the log that is more than inertial data.
+        """Handle the next record of the log that is not inertial data.
 
-        Raises RecordError if the filter cannot go on with it.
+        Raises RecordError if the filter cannot continue with it.
         """
         if self.inputs.take(record):
             self._inputs_changed = True
@@ -161,7 +160,7 @@ class EkfPlayer:
     def run_until(self, place: int, until_us: float) -> None:
         """Run the frames that come before a place in the log, in bytes, up to the first at or after a time in us.
 
-        Raises RecordError if the filter cannot go on with what there is.
+        Raises RecordError if the filter cannot continue with the data.
         """
         frames = self._frames
         while self.lanes is None and self.next_frame < len(frames) and frames.starts[self.next_frame] < place:
@@ -176,7 +175,7 @@ class EkfPlayer:
             self._run_block(self.lanes, end)
 
     def _run_before_start(self, frame: int) -> None:
-        """Run a frame before there are cores; make them if EKF3 starts in it and all IMUs that it takes have data."""
+        """Run a frame before there are cores; make them if EKF3 starts in it and all its IMUs have data."""
         self.time_us = int(self._frames.time_us[frame])
         if not self.imus:
             self._begin()
@@ -192,7 +191,7 @@ class EkfPlayer:
             self.next_frame = frame
 
     def _run_block(self, lanes: Lanes, end: int) -> None:
-        """Run frames from the next one on, up to one in which there is something to log."""
+        """Run frames from the next one on, up to one with something to log."""
         frame = self.next_frame
         changes = self._changes_of_use
         at = int(np.searchsorted(changes, frame))
@@ -232,7 +231,7 @@ class EkfPlayer:
     def _make_cores(self) -> None:
         lag_s = self.inputs.gps_lag_s
         if lag_s is None and self._sources.uses_gps():
-            return  # the firmware waits for it, to know how long its buffers must be
+            return  # the firmware waits for it, to size its buffers
         has_camera = self.inputs.camera_frd is not None
         sizes = buffer_sizes(
             lambda name: int(self.param(name)),
@@ -259,7 +258,7 @@ class EkfPlayer:
             self._core_params.read(lambda name: self.param(f"EK3_{name}"))
 
     def _set_inputs(self, lanes: Lanes) -> None:
-        """Give the cores the data of sensors since the last block."""
+        """Pass the sensor data since the last block to the cores."""
         self._inputs_changed = False
         self._read_params()
         self._imus.first_gyro, self._imus.first_accel = self.inputs.first_gyro, self.inputs.first_accel
@@ -286,7 +285,7 @@ class EkfPlayer:
             inputs.set_lever_arm(self._lever_arm(place))
 
     def _lever_arm(self, place: Three) -> Three:
-        """Return the camera's place from an accelerometer that is at a place."""
+        """Return the camera's position relative to an accelerometer."""
         camera_frd = self.inputs.camera_frd
         return (0.0, 0.0, 0.0) if camera_frd is None else from_imu(camera_frd, place)
 
@@ -339,7 +338,7 @@ class EkfPlayer:
             (stamp_ms,) = whole(record, "TS")
             errors = self.param("EK3_VIS_VERR_MIN"), self.param("EK3_VIS_VERR_MAX")
             vel, err, has_nan = body_velocity(quality, del_pos, del_ang, del_time, Vector3f(), errors)
-            # The firmware leaves this record's offset and delay unfilled; RVOH has what it was given.
+            # The firmware leaves this record's offset and delay unfilled; RVOH has its values.
             delay_ms = self.inputs.camera_delay_ms
             for core in self.lanes.cores:
                 offset = self._lever_arm(self._place_of(self._imus.accel_of(core.imu)))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs the filter over the replay records of a log, beside the estimates that the log holds."""
+"""Runs the filter over the replay records of a log, beside the log's own estimates."""
 
 import math
 from collections import defaultdict
@@ -67,7 +67,7 @@ class EkfReplay:
     Attributes:
         time_s: the times since boot, shape (n,).
         ours, recorded: the estimates by label, shape (n,) each.
-        our_texts, recorded_texts: the texts of the core, without the beginning that names it.
+        our_texts, recorded_texts: the texts of the core, without the prefix that names it.
     """
 
     time_s: Array
@@ -109,7 +109,7 @@ class EkfRun:
     """A run of the filter over a log (.BIN or .BIN.xz).
 
     Args:
-        until_s: the time since boot at which to end.
+        until_s: end time since boot.
         core: the number of the core to run, None for all.
         firmware: the release of the filter; None for the one nearest to the release that wrote the log.
 
@@ -143,7 +143,7 @@ class EkfRun:
         self.our_lanes: Texts = []
         self.recorded_lanes: Texts = []
         self._yaw_reset_ms = 0
-        self._primary = core or 0  # as Copter begins, unless one core is all there is
+        self._primary = core or 0  # as Copter begins, unless there is only one core
         self._has_estimates = False
         self._next_us = 0
 
@@ -273,7 +273,7 @@ class EkfRun:
                 self.output.write(MSG, (self._time_us, note))
 
     def passed(self) -> None:
-        """Log what the cores log by themselves, and what the vehicle notes of them."""
+        """Log the records of the cores, and the vehicle's events about them."""
         self._begin_output()
         for number, core in self._playing.cores.items():
             self.output.passed(number, core, self._time_us)
@@ -284,7 +284,7 @@ class EkfRun:
             self.output.estimates(number, self._playing.report(number), self._time_us)
 
     def _note_jumps(self) -> None:
-        """Log what the vehicle notes of its estimator (Copter::check_ekf_reset)."""
+        """Log the vehicle's events about resets of its estimator (Copter::check_ekf_reset)."""
         lanes, now_us = self._playing.lanes, self._time_us
         if lanes is None:
             return
@@ -327,7 +327,7 @@ class EkfRun:
             labels = [label for label in LABELS if hasattr(record, label)]
             rows[-1].recorded.update(zip(labels, finite(record, *labels), strict=True))
 
-    # What the filter says
+    # Texts and events of the filter
 
     def send_text(self, _severity: int, message: str) -> None:
         """Note and log a text."""
