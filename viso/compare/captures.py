@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Captures: each message sent again to a vehicle, and its records, texts and acknowledgements beside those recorded."""
+"""Captures: messages are sent to a vehicle again; records, texts and acknowledgements are compared."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -195,7 +195,7 @@ def _without(texts: Sequence[str], exceptions: Sequence[str]) -> list[str]:
 
 
 def ack_differences(recorded: Sequence[Sequence[int]], ours: Sequence[Sequence[int]]) -> Iterator[Difference]:
-    """Yield what differs in acknowledgements: command and result, in their order."""
+    """Yield what differs in acknowledgements: command and result, in order."""
     theirs, mine = ([f"command {command} result {result}" for command, result in one] for one in (recorded, ours))
     yield from sequence_differences("acknowledgements", "COMMAND_ACK", theirs, mine)
 

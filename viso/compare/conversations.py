@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Conversations: the requests of a client, sent again to a vehicle, and its answers beside those recorded."""
+"""Conversations: requests of a client are sent to a vehicle again; its answers are compared with the recorded ones."""
 
 import json
 import math
@@ -24,7 +24,7 @@ from viso.streams.capture import MAX_PARAMETER
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 WAIT_MS: Final = 150
-"""How long to wait for answers if an exchange has no ``wait_ms``."""
+"""The wait for answers if an exchange has no ``wait_ms``."""
 
 UNASKED: Final = frozenset({"HEARTBEAT", "TIMESYNC"})
 """Messages that come all the time; they count only in an exchange that has them in ``also show``."""
@@ -157,7 +157,7 @@ def answer_differences(
         Row(name, {label: _number(value) for label, value in fields.items() if label not in TIMES})
         for name, fields in wanted
     ]
-    # Where the messages are others, only their names are compared.
+    # If the messages differ in type, only their names are compared.
     labels = [row.values for row in recorded] if len(got) == len(recorded) else [{} for _ in got]
     ours = [
         Row(type(message).__name__, {label: _answered(message, label, value) for label, value in values.items()})
@@ -180,7 +180,7 @@ def _number(value: Any) -> Any:
 
 
 def _answered(message: Message, label: str, wanted: Any) -> Any:
-    """Return a field of an answer as it is recorded: bytes in hex, and no more of them than are recorded."""
+    """Return a field of an answer in recorded form: bytes in hex, cut to the recorded length."""
     value = getattr(message, label, ABSENT)
     if isinstance(value, tuple) and isinstance(wanted, str):
         data = bytes(value).hex()

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The comparer: values of a recording beside ours, field by field, as far apart as the table of tolerances allows.
+"""The comparer: recorded values against ours, field by field, within the table of tolerances.
 
-Whoever compares brings both sides to the same places first (the line of a capture, the time of a log's record), as rows
-of a place or as columns over time.
+The caller first aligns both sides by place (the line of a capture, the time of a log's record), as rows of a place or
+as columns over time.
 """
 
 import difflib
@@ -19,12 +19,12 @@ from viso.compare.tolerances import ANGLES, UNITS, Tolerance
 from viso.estimators.series import Array, wrapped_deg
 
 ABSENT: Final = "nothing"
-"""Stands for a value that one side does not have."""
+"""The placeholder for a value that one side does not have."""
 
 Side = TypeVar("Side", float, Array)
 
 Tolerances = Mapping[str, Tolerance]
-"""Tolerances by field; a field without one has to be equal."""
+"""Tolerances by field; a field without one must be equal."""
 
 _LEAST: Final = 1e-12  # below it no share of a value counts
 
@@ -40,7 +40,7 @@ class Row(NamedTuple):
 class Difference:
     """A field that differs at a place: a line, a time since boot, an exchange or a message's number.
 
-    ``field`` is ``RECORD.Label`` or a kind of text; a side that has nothing is ``ABSENT``.
+    ``field`` is ``RECORD.Label`` or a kind of text; a missing value is ``ABSENT``.
     """
 
     place: str
@@ -128,7 +128,7 @@ def _listed(names: Sequence[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Error:
-    """How far a column is from the recorded one, in its unit: the root of the mean square, and the most."""
+    """The error of a column against the recorded one, in its unit: root mean square and maximum."""
 
     rms: float
     worst: float
@@ -139,7 +139,7 @@ class Error:
 
 
 def error_of(differences: Array) -> Error:
-    """Return the error of some differences; none have none."""
+    """Return the error of differences; 0 without any."""
     if not differences.size:
         return Error(0.0, 0.0)
     return Error(float(np.sqrt(np.mean(differences**2))), float(np.abs(differences).max()))
@@ -148,7 +148,7 @@ def error_of(differences: Array) -> Error:
 def column_differences(
     field: str, instance: int, time_s: Array, recorded: Array, ours: Array, tolerances: Tolerances
 ) -> Iterator[Difference]:
-    """Yield where a column of one instance of a record differs; where only the rms is too large, the worst record."""
+    """Yield where a column of one instance of a record differs; if only the rms is too large, the worst record."""
     record, _, label = field.partition(".")
     tolerance = tolerances.get(field, Tolerance("", (), "", "", within=0.0))
     differences = np.abs(apart(field, recorded, ours))
@@ -171,7 +171,7 @@ def aligned(recorded: Sequence[Hashable], ours: Sequence[Hashable]) -> Iterator[
 
 
 def sequence_differences(place: str, field: str, recorded: Sequence[str], ours: Sequence[str]) -> Iterator[Difference]:
-    """Yield what one sequence has in place of what the other has, or in addition to it."""
+    """Yield replaced, missing and additional elements of two sequences."""
     for are_equal, theirs, mine in aligned(recorded, ours):
         for index, our_index in zip_longest(theirs, mine) if not are_equal else ():
             values = (ABSENT if one is None else side[one] for one, side in ((index, recorded), (our_index, ours)))

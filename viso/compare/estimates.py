@@ -31,7 +31,7 @@ _HEIGHT_JUMP_M: Final = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One thing that is compared: its figure, and its target, which is empty for what has none."""
+    """One comparison: its figure, and its target, empty if there is none."""
 
     what: str
     figure: str
@@ -49,7 +49,7 @@ class EstimateComparison:
         equal: the shares of records with the same TS, SS and both; 0 if no record counts.
         aiding_s: when aiding starts first, ours and the log's, in s since boot; None where it does not.
         texts: what differs in the texts.
-        checks: all that was compared.
+        checks: all comparisons.
     """
 
     records: int
@@ -111,7 +111,7 @@ def _outside(time_s: Array, events_s: Sequence[float], after_s: float) -> Mask:
 
 
 def _resets(replay: EkfReplay) -> list[float]:
-    """Return when the log's position was reset: what moved it, and its height, of which no record tells."""
+    """Return the times of position resets in the log, and of height resets, which no record has."""
     starts = [time_s for time_s, text in replay.recorded_texts if text.startswith((*AIDING, "stopped aiding"))]
     moves = [time_s for time_s, _ in changes(replay.time_s, _moves(replay.recorded))]
     return [*starts, *moves, *_height_steps(replay)]
@@ -120,8 +120,8 @@ def _resets(replay: EkfReplay) -> list[float]:
 def _height_steps(replay: EkfReplay) -> list[float]:
     """Return the times of the log's records after which height jumps.
 
-    It jumps where it gets to a place to which velocity does not bring it, and did not do so before: the outputs glide
-    after what the filter corrects.
+    Height jumps where its change does not follow from velocity, in one step: ordinary corrections are smoothed in the
+    outputs.
     """
     time_s, down, velocity = replay.time_s, replay.recorded["PD"], replay.recorded["VD"]
     beyond = np.diff(down, prepend=down[:1])
@@ -136,7 +136,7 @@ def _moves(values: dict[str, Array]) -> list[tuple[float, float]]:
 
 
 def _outside_events(replay: EkfReplay) -> Mask:
-    """Return which records are not within a second after anything that the log tells of."""
+    """Return which records are not within a second after an event in the log."""
     events = [time_s for time_s, _ in replay.recorded_texts]
     for label in ("TS", "SS"):
         events += [time_s for time_s, _ in changes(replay.time_s, replay.recorded[label].tolist())]

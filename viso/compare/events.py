@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Events over time, those of a log beside ours: texts, changes of a value, resets of position."""
+"""Events over time in a log, compared with ours: texts, changes of a value, resets of position."""
 
 import re
 from collections.abc import Hashable, Sequence
@@ -23,9 +23,9 @@ class Event:
     """An event at a time in s since boot.
 
     Attributes:
-        key: what equal events have in common.
+        key: equal for matching events.
         text: the event in words.
-        numbers: what may differ by a tolerance between equal events.
+        numbers: values that may differ by a tolerance between matching events.
     """
 
     time_s: float
@@ -39,9 +39,9 @@ class EventComparison:
     """What differs between two sequences of events.
 
     Attributes:
-        differences: what is missing, too many, changed, or at another time.
+        differences: missing, additional, changed and shifted events.
         matched: the number of events that both have.
-        worst_s: the most by which the times of these differ.
+        worst_s: largest difference of their times.
     """
 
     differences: tuple[Difference, ...]
@@ -59,7 +59,7 @@ class EventComparison:
 
 
 def changes(time_s: Array, values: Sequence[T], *, with_first: bool = False) -> list[tuple[float, T]]:
-    """Return when a value changes, and to what; with the first value, if that is to count as a change."""
+    """Return the times and new values of changes; with the first value, if that counts as a change."""
     times = time_s.tolist()
     first = [(times[0], values[0])] if with_first and times else []
     return first + [(times[i], values[i]) for i in range(1, len(times)) if values[i] != values[i - 1]]

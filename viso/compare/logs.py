@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Logs with replay records: the filter over the autopilot's inputs, each estimate beside the log's."""
+"""Logs with replay records: the filter runs over the inputs; its estimates are compared with the log's."""
 
 import math
 from collections.abc import Callable, Iterator

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Figures of merit of two replays of one stream, and whether innovations differ by more than chance.
 
-Both replays have the same samples, so they are compared span of time by span of time: what differs in all of a flight
-alike is no chance, what comes from a single moment may be.
+Both replays have the same samples, so they are compared by spans of time: a difference throughout the flight is not
+chance, one from a single moment may be.
 """
 
 import math
@@ -28,7 +28,7 @@ _COLUMNS: Final = {"nis": 2, "rms": 3}  # of a row of BY_TIME
 
 
 class Surplus(NamedTuple):
-    """How much larger the mean square of innovations is than another, and one standard deviation of that."""
+    """The difference of two mean squares of innovations, and its standard deviation."""
 
     value: float
     sigma: float
@@ -40,7 +40,7 @@ class Surplus(NamedTuple):
 
 
 def surplus(row: Row, other: Row, objective: str = "nis") -> Surplus | None:
-    """Return how much larger a row's innovations are than those of another row of the same stream.
+    """Return the excess of a row's innovations over those of another row of the same stream.
 
     None where the objective (nis, nis_... or rms_..., squared) is not made of innovations, or there are too few.
     """
@@ -57,7 +57,7 @@ def surplus(row: Row, other: Row, objective: str = "nis") -> Surplus | None:
 
 
 def _spans(row: Row, objective: str, span_s: int) -> tuple[dict[int, float], dict[int, float]]:
-    """Return how many samples there are in each span, and the sum of their squares."""
+    """Return the number of samples in each span, and the sum of their squares."""
     what, _, kind = objective.partition("_")
     counts: dict[int, float] = {}
     sums: dict[int, float] = {}
@@ -78,7 +78,7 @@ class Merit(NamedTuple):
 
 
 def merits(before: Row, after: Row) -> list[Merit]:
-    """Return the figures that any of the two has."""
+    """Return the figures that either of the two has."""
     found = (Merit(name, before[name], after[name]) for name in _COMPARED)
     return [merit for merit in found if (merit.before, merit.after) != (None, None)]
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Comparisons for people: tables and lines for the terminal, and one HTML page that needs nothing but itself."""
+"""Comparisons for people: tables and lines for the terminal, and one self-contained HTML page."""
 
 import os
 from collections import Counter
@@ -35,7 +35,7 @@ _HEAD: Final = ("recording", "kind", "firmware", "messages", "records", "fields"
 _FIELDS_HEAD: Final = ("field", "differs", "first in", "recorded", "ours", "unit")
 
 ROWS: Final = 20
-"""How many texts and spans a table has."""
+"""The most texts and spans in a table."""
 
 _NOTHING: Final = "-"
 _NAMED: Final = 4
@@ -57,7 +57,7 @@ def _field_rows(one: Comparison) -> Iterator[tuple[str, ...]]:
 
 
 def _short_names(paths: Sequence[Path]) -> dict[Path, str]:
-    """Return the names of files from the folder on that all are in."""
+    """Return the names of files relative to their common folder."""
     folder = os.path.commonpath([path.absolute().parent for path in paths])
     return {path: str(path.absolute().relative_to(folder)) for path in paths}
 
@@ -205,7 +205,7 @@ def _aiding_table(comparison: ReplayComparison) -> Table:
 
 
 def _more(left_out: Sequence[str]) -> str | None:
-    """Return how many rows are left out, and of what most of them are."""
+    """Return the number of rows left out, and their most frequent kind."""
     if not left_out:
         return None
     kinds = Counter(left_out).most_common()
@@ -249,7 +249,7 @@ def merit_table(before: Row, after: Row, truth: str | None) -> Table:
 
 
 def merit_lines(before: Row, after: Row) -> Iterator[str]:
-    """Yield whether innovations are smaller than before, by more than chance."""
+    """Yield lines on whether innovations are smaller than before by more than chance."""
     found = surplus(after, before)
     if found is None or not before["nis"]:
         return

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Recordings of an autopilot, whatever their kind: which release they tell, and how far they agree with a profile."""
+"""Recordings of an autopilot of any kind: the release that they name, and their agreement with a profile."""
 
 import calendar
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -24,16 +24,17 @@ from viso.logs.recorded import read_columns
 from viso.replay.ekf.run import NothingToCompare, recorded_firmware
 
 Progress = Callable[[int, int], None]
-"""Takes how much is done, and how much there is."""
+"""Takes the amount done and the total."""
 
 
 class RecordingKind(NamedTuple):
     """A kind of recording.
 
     Attributes:
-        content: what it holds.
+        content: description of its content.
         endings: the endings of file names, in small letters.
-        is_begun_by: says by the first line of a JSON file whether it is of this kind; None for endings of its own.
+        is_begun_by: returns whether the first line of a JSON file is of this kind; None for kinds with their own
+            endings.
         firmware_of: returns the profile of the release that a recording names, or None.
         compare: compares a recording with a profile.
     """
@@ -58,7 +59,7 @@ def _first_line(path: Path) -> Any:
 
 
 def firmware_in(text: str) -> Firmware | None:
-    """Return the profile that a recording's words for its firmware name: month and year of a master, or a version."""
+    """Return the profile that a recording's firmware text names: month and year of a master, or a version."""
     dates = ((one, calendar.month_name[int(one.date[5:])], one.date[:4]) for one in PROFILES.values())
     by_month = next((one for one, month, year in dates if f"{month} {year}" in text), None)
     flown = version_in(text)
@@ -140,7 +141,7 @@ def kind_of(path: Path) -> RecordingKind:
 
 
 def recordings_in(paths: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
-    """Yield recordings, those of folders by their endings; whether of a folder. Raises InputError if one has none."""
+    """Yield recordings, in folders by ending, and whether from a folder; InputError if a folder has none."""
     endings = tuple(one for kind in RECORDING_KINDS.values() for one in kind.endings)
     for path in paths:
         if not path.is_dir():
@@ -155,7 +156,7 @@ def recordings_in(paths: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
 def compare_recording(
     path: Path, firmware: Firmware | None = None, on_progress: Progress = lambda _done, _all: None
 ) -> Comparison:
-    """Compare a recording with a profile: None for the one that it names, or the one that it is most like.
+    """Compare a recording with a profile: None for the one that it names, or the most similar one.
 
     Raises InputError if the recording cannot be used.
     """

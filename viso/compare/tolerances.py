@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far what was recorded may be from what viso computes: tolerances and known exceptions, each with its reason.
+"""Tolerances between recorded and computed values, and known exceptions, each with its reason.
 
-What no row names has to be equal: floats bit by bit.
+Fields without a row must be equal: floats bit by bit.
 """
 
 import math
@@ -24,7 +24,7 @@ BENCH: Final = "viso ekf, bench"
 
 
 class Tolerance(NamedTuple):
-    """How far some fields may be from what was recorded.
+    """The tolerance of some fields.
 
     Attributes:
         kind: the comparison: a kind of recording, or ``viso ekf`` over a flight or on a bench.
@@ -141,13 +141,13 @@ UNDECIDED: Final = (0.8, 1.2)
 """A test ratio within these counts as on either side of 1."""
 
 AFTER_RESET_S: Final = 0.5
-"""For how long height is left out after a reset, in flight."""
+"""The time after a reset for which height is not compared, in flight."""
 
 AFTER_EVENT_S: Final = 1.0
-"""For how long positions and velocities are left out after an event, on the bench."""
+"""The time after an event for which positions and velocities are not compared, on the bench."""
 
 END_S: Final = {"flight_voxl_reset": 71.0}
-"""Where a log stops being comparable: in this one the vehicle fails, and the firmware changes cores."""
+"""The end of a log's comparable part: in this one the vehicle fails, and the firmware changes cores."""
 
 
 def log_name(path: Path) -> str:
@@ -165,22 +165,22 @@ def kind_of_log(path: Path) -> str:
 
 
 def end_s(path: Path) -> float:
-    """Return up to when a log is comparable, in s since boot."""
+    """Return the end of a log's comparable part, in s since boot."""
     return END_S.get(log_name(path), math.inf)
 
 
 # What captures and conversations have besides
 
 ABOUT_VISUAL_ODOM: Final = ("VisOdom: ", "PreArm: VisOdom: ", "Arm: VisOdom: ")
-"""How texts begin that are compared; others depend on sensors and on what else the vehicle does."""
+"""Prefixes of the compared texts; others depend on sensors and on other functions of the vehicle."""
 
 
 class TextException(NamedTuple):
-    """Texts of one recording that are not the same, and need not be.
+    """Texts of one recording that are allowed to differ.
 
     Attributes:
-        name: what its first line calls it.
-        messages: how many it has, which with the name tells it from others.
+        name: its name in the first line.
+        messages: number of its messages, which with the name identifies it.
         recorded: texts that the autopilot sent and viso does not send.
         ours: texts that viso sends and the autopilot did not send.
     """
@@ -221,4 +221,4 @@ TEXT_EXCEPTIONS: Final = (
 )
 
 TIMES: Final = frozenset({"time_boot_ms", "time_usec"})
-"""Fields of answers that are not compared: when they were made, which no two runs share."""
+"""Time fields of answers, which are not compared: they differ between any two runs."""

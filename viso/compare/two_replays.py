@@ -20,7 +20,7 @@ K = TypeVar("K", bound=tuple[str, ...])
 V = TypeVar("V")
 
 SHOWN: Final = 10
-"""How many messages are listed one by one."""
+"""The most messages that are listed one by one."""
 
 VERDICT: Final = "verdict"
 _LABELS: Final = {structure.name: structure.fields for structure in LOG_STRUCTURE_FROM_VISUALODOM}
@@ -29,8 +29,8 @@ _LABELS: Final = {structure.name: structure.fields for structure in LOG_STRUCTUR
 class MessageChange(NamedTuple):
     """A verdict on a message, or the result of a sample of it, that differs.
 
-    ``number`` counts the stream's messages from 1. ``what`` is ``verdict`` or, where that is the same, the kind of the
-    sample. ``before`` and ``after`` are codes of rules, None without such a sample.
+    ``number`` counts the stream's messages from 1. ``what`` is ``verdict`` or, if the verdict is the same, the kind of
+    the sample. ``before`` and ``after`` are codes of rules, None without such a sample.
     """
 
     number: int
@@ -50,7 +50,7 @@ class MessageChange(NamedTuple):
 
 
 class CountChange(NamedTuple):
-    """How often a message or a sample, by its name, met a rule, before and after."""
+    """The number of messages or samples of a name that a rule decided, before and after."""
 
     name: str
     outcome: str
@@ -87,7 +87,7 @@ class ErrorChange(NamedTuple):
 
 
 class InnovationChange(NamedTuple):
-    """The innovations of samples of a kind, where they differ; a model's."""
+    """Innovations of a kind of sample that differ, from the filter's model."""
 
     kind: str
     before: Innovations
@@ -115,9 +115,9 @@ class ReplayComparison:
         messages: the messages of which a verdict or a sample differs.
         first_record: the number of the first message whose log records differ; None if there is none.
         records: the number of messages whose log records differ.
-        aiding_before, aiding_after: how the filter navigated in one of the two only.
+        aiding_before, aiding_after: the filter's aiding that only one of the two had.
         errors: errors of poses.
-        innovations: innovations of samples; empty where no filter was watched.
+        innovations: innovations of samples; empty without a filter.
     """
 
     verdicts: Sequence[CountChange]
@@ -247,7 +247,7 @@ def _error_rows(message: ReplayedMessage) -> list[Row]:
 
 
 def _text_changes(before: Sequence[SaidText], after: Sequence[SaidText]) -> list[TextChange]:
-    """Pair equal texts, whatever comes between them: parameters change times, and with them the order."""
+    """Pair equal texts, regardless of texts in between: parameters change times, and with them the order."""
     times: defaultdict[tuple[int, str], tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))
     for index, texts in enumerate((before, after)):
         for one in texts:

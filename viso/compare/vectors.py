@@ -31,7 +31,7 @@ _LABELS: Final = {
 
 
 Place = tuple[str, list[Row]]
-"""Where a call stands in its line, and what came of it."""
+"""The place of a call in its line, and its outputs."""
 
 
 def _places(line: Any) -> list[Place]:
@@ -62,7 +62,7 @@ def _labelled(labels: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
 
 
 def line_differences(number: int, recorded: Any, ours: Any) -> Iterator[Difference]:
-    """Yield what differs between a line of vectors, the number of which is from 1, and the same recomputed."""
+    """Yield what differs between a recorded line of vectors and its recomputation; ``number`` counts from 1."""
     for (where, theirs), (_, mine) in zip(_places(recorded), _places(ours), strict=True):
         if theirs != mine:
             yield from row_differences(f"line {number}{where}", theirs, mine, {}, units=_UNITS, names="out")
