@@ -87,7 +87,7 @@ def compare(
             recordings, whole = [place for place, _ in taken], all(is_whole for _, is_whole in taken)
         found = _compare_all(recordings, chosen, which=which)
     nearest = sorted(most_like(found), key=lambda name: name not in _named(found)) if which else []
-    # That under the profile which is nearest to all recordings, or the only one.
+    # The comparison under the profile nearest to all recordings, or the only one.
     shown = [one[nearest[0]] if nearest else next(iter(one.values())) for one in found]
     if as_json:
         rows = [one.as_dict() for comparisons in found for one in comparisons.values()]
@@ -105,7 +105,7 @@ def compare(
 
 
 def _recorded(scenario_name: str, master: str, folder: Path) -> tuple[Path, bool]:
-    """Record a scenario into a folder of its own; return that, and whether the recording is complete."""
+    """Record a scenario into a new folder; return the folder, and whether the recording is complete."""
     scenario = read_scenario(scenario_name)
     place = folder / scenario.name
     with file_errors(f"--keep {folder}"):

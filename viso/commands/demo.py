@@ -34,12 +34,12 @@ _SIMULATED_INSTEAD: Final = f"the camera is simulated: OpenCV is missing; for a 
 _NO_VIO: Final = f"--camera vio: OpenCV is missing; install it with: {pip_install('vio')}; --camera simulated works"
 
 Text = tuple[float, str, int, str]
-"""When in s, by whom, how severe and what was said."""
+"""A text: time in s, sender, severity and words."""
 Choose = Callable[[VioConfig], VioConfig]
 
 
 class Camera(StrEnum):
-    """What sees the flight."""
+    """The camera of the flight."""
 
     VIO = "vio"
     SIMULATED = "simulated"
@@ -47,9 +47,10 @@ class Camera(StrEnum):
 
 @dataclass(frozen=True)
 class _Flown:
-    """What a flight has left behind, which ends at ``end_s`` since boot if nobody stops it.
+    """The result of a flight, which ends at ``end_s`` since boot unless it is stopped.
 
-    ``rows`` are for machines, besides what is told of every flight, and ``tables`` for people. ``save_plot`` writes the
+    ``rows`` are for machines, beside the common rows of every flight, and ``tables`` for people. ``save_plot`` writes
+    the
     picture; it raises ModuleNotFoundError without matplotlib.
     """
 
@@ -63,7 +64,7 @@ class _Flown:
 
 @contextmanager
 def _flying(end_s: float) -> Iterator[tuple[Callable[[float], None], Callable[[], bool]]]:
-    """Yield what shows the progress of a flight, and what says whether the user wants it to end."""
+    """Yield the progress display of a flight, and a function that returns whether the user wants to stop."""
     with progress("flying", int(end_s)) as show, stop_on_signal() as signals:
         yield show, lambda: bool(signals)
 
@@ -120,7 +121,7 @@ def _choose(camera: Camera | None) -> Camera:
 
 
 def _fly(camera: Camera, seed: int, log_file: LogFile, firmware: Firmware, choose: Choose) -> _Flown:
-    """Fly to the end, or as far as the user wants."""
+    """Fly to the end, or until the user stops it."""
     flown = _FLIGHTS[camera](seed, log_file, firmware, choose)
     stopped_s = flown.vehicle.clock.micros64() * 1e-6
     if stopped_s < flown.end_s - 0.5:
@@ -169,7 +170,7 @@ def demo(
     chosen = _choose(camera)
     if chosen is Camera.SIMULATED and (strategy or engine):
         raise InputError("--strategy, --engine: --camera simulated has no odometry")
-    # Opened ahead of the run, so that a place that cannot be written to is told at once.
+    # Opened before the run, so that a file that cannot be written is reported at once.
     log_file = LogStore(log_dir).open_next()
     log_file.is_told_at_end = True
     flown = _fly(chosen, seed, log_file, profile, lambda config: with_engine(config, strategy, engine))

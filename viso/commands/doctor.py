@@ -198,7 +198,7 @@ def _hear(name: str, domain: int, seconds: float, lead_us: int, axes: str, form:
 
 
 def _vehicle_of(log: Path | None, source: Path) -> VehicleData:
-    """Return what a log holds of the vehicle; without one, what the source holds if it is a log."""
+    """Return the vehicle's data in a log; without a log, those in the source if it is one."""
     vehicle = vehicle_of_log(source if log is None else log)
     if log is not None and vehicle.attitude is None:
         raise InputError(f"{log}: not a DataFlash log with ATT records")

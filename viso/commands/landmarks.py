@@ -45,7 +45,7 @@ _NEVER_FLY: Final = (
 
 
 class PredictFrom(StrEnum):
-    """Which pose predicts."""
+    """The predicting pose."""
 
     ODOM = ODOMETRY_LABEL
     ESTIMATED = ESTIMATED_LABEL
@@ -62,7 +62,7 @@ def _reference(text: str | None) -> GeodeticPoint | None:
 
 
 def _draw(palette: Palette, extent_m: float, *, with_sky: bool) -> Draw | None:
-    """Return what makes a PNG of a scene; None, and a hint, without matplotlib."""
+    """Return a function that makes a PNG of a scene; None, and a hint, without matplotlib."""
     with drawing(_PLOT_HINT):
         from viso.landmarks import picture
 
@@ -242,10 +242,10 @@ def _nothing_refused() -> Mapping[str, Mapping[str, int]]:
 
 
 def _enough(events: Iterator[Event], stop: Callable[[], bool], until_s: float | None) -> Iterator[Event]:
-    """Yield events until it is enough."""
+    """Yield events until stopped or a time limit is reached."""
     start_s: float | None = None
     for event in events:
-        # What always holds may have no time of its own.
+        # Constant data may have no time of their own.
         if start_s is None and not isinstance(event, LandmarkMap | CameraInfo):
             start_s = event.t_s
         if stop() or (until_s is not None and start_s is not None and event.t_s - start_s > until_s):

@@ -43,7 +43,7 @@ _Run = TypeVar("_Run", LinkPlay, Bridge)
 
 
 class _To(NamedTuple):
-    """Where to send, how long, and where to show it."""
+    """The destination, the duration and the display."""
 
     name: str
     until_us: int | None
@@ -271,7 +271,7 @@ def _print_bridged(summary: Mapping[str, Any]) -> None:
 
 
 def _drive(to: _To, make: Callable[[Link, Callable[[], bool]], _Run]) -> _Run:
-    """Send what ``make`` makes of a link and of what tells when to stop; return it."""
+    """Run the sender that ``make`` builds from a link and a stop function; return it."""
     with ExitStack() as stack:
         link = stack.enter_context(closing(open_link(to.name)))
         stop = stack.enter_context(stop_on_signal())

@@ -189,7 +189,7 @@ def replay(
     if changes:
         runs.append(_Run({**settings, **changes}, setup))
     elif other is not None:
-        # Files are read again, as the other firmware may call their parameters otherwise.
+        # Files are read again, because the other firmware may have other parameter names.
         loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=other)
         runs.append(_Run({**recorded, **loaded, **assigned}, replace(setup, firmware=other)))
     is_judged = changes and with_filter and kind_of(stream_file, options) == DATAFLASH_LOG
@@ -226,14 +226,14 @@ def replay(
 
 
 def _recorder(name: str) -> "ReplayRecorder":
-    # Imported where it is wanted: a server takes its time.
+    # Imported only when needed: the server is slow to import.
     from viso.web.recording import ReplayRecorder
 
     return ReplayRecorder(name)
 
 
 def _assumed(stream: Stream, known: Collection[str]) -> list[Assumed]:
-    """Return what is assumed of a vehicle whose recording does not have all parameters."""
+    """Return the assumptions about a vehicle whose recording lacks parameters."""
     tells_all = bool(stream.params) or params_heard(stream).has_all
     return [] if tells_all else fitting(vision_carried(stream), known)
 
@@ -246,7 +246,7 @@ class _Run(NamedTuple):
 
 
 class _Merit(NamedTuple):
-    """Figures of merit of both runs, what the truth in them is, and what they cannot say."""
+    """Figures of merit of both runs, their ground truth, and their limits."""
 
     figures: tuple[Row, Row]
     truth: str | None
@@ -261,7 +261,7 @@ def _run_all(
     truth: PositionSeries | None,
     recorder: "ReplayRecorder | None",
 ) -> tuple[list[ReplayOutcome], list[Judge]]:
-    """Replay a stream one way after the other; files are of the last run."""
+    """Replay a stream with each setting in turn; files are of the last run."""
     judges = [Judge(None if truth is None else timed_places(truth.time_us, truth.ned_m)) for _ in runs]
     with (
         nullcontext() if records is None else write_text(records) as sink,

@@ -84,7 +84,7 @@ def report(
     for path in written_files:
         out.print(f"written: {path}")
     if web is not None:
-        # Imported where they are wanted: a server takes its time.
+        # Imported only when needed: the server is slow to import.
         from viso.web.flight_log import log_recording
         from viso.web.live_view import show_recording
 

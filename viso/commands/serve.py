@@ -55,7 +55,7 @@ DEFAULT_LINKS = ("tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550")
 
 
 def _tell_of_links(links: Sequence[Link], takers: Sequence[Callable[[str, str], None]]) -> None:
-    """Tell who is there already, and from now on who comes and goes, with the name of the link."""
+    """Report present peers, and from now on those that come and go, with the name of the link."""
 
     def tell(link: str, news: str) -> None:
         for take in takers:
@@ -86,7 +86,7 @@ def _profile_text(firmware: Firmware) -> str:
 
 
 def _open_view(address: str, links: Sequence[Link], title: str, speedup: float, stack: ExitStack) -> "LiveView":
-    # Imported where it is wanted: with the faults that it can switch on it takes as long as the autopilot itself.
+    # Imported only when needed: with its faults it takes as long to import as the autopilot itself.
     from viso.web.live_view import LiveView
 
     view = LiveView(address, links, title, speedup=speedup)
@@ -95,7 +95,7 @@ def _open_view(address: str, links: Sequence[Link], title: str, speedup: float, 
 
 
 def _enter_domain(domain: int, stack: ExitStack) -> "DdsAutopilot":
-    from viso.dds.autopilot import DdsAutopilot  # imported where it is wanted: it needs an extra
+    from viso.dds.autopilot import DdsAutopilot  # imported only when needed: it needs an extra
 
     return stack.enter_context(closing(DdsAutopilot(domain)))
 
@@ -224,7 +224,7 @@ def serve(
         firmware=profile,
         message_intervals=load_message_intervals(log_dir, len(names)),
     )
-    # Standard output is for one thing alone when it is for a machine.
+    # Standard output for a machine has one format only.
     console = out if verdicts is None and not as_json else err
     with ExitStack() as stack:
         links = [stack.enter_context(closing(open_link(name))) for name in names]

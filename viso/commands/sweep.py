@@ -197,7 +197,7 @@ def _note(plan: SweepPlan) -> None:
 def _worked_out(
     plan: SweepPlan, output: Path | None, jobs: int, scheduler: str | None
 ) -> tuple[list[dict[str, Any]], list[Result]]:
-    """Return the rows that there are in the end, and the points that have none."""
+    """Return all rows at the end, and the points without one."""
     done: dict[int, Any] = {}
     failures: list[Result] = []
     with ExitStack() as stack:

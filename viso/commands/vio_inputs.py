@@ -37,18 +37,18 @@ def opened(options: SourceOptions, kind: str | None) -> Recording | LiveCamera:
 def configured(
     source: Recording | LiveCamera, file: Path | None, strategy: str | None, engine: str | None = None
 ) -> VioConfig:
-    """Return the configuration: a file's or else what suits the source, with what is named in its place.
+    """Return the configuration of the file, or else of the source, with the given overrides.
 
     Args:
-        strategy: in place of the configuration's.
+        strategy: replaces the configuration's.
         engine: command that starts the engine's program.
 
-    Raises InputError if the file is none, or the strategy is not to be had.
+    Raises InputError if the file is invalid, or the strategy is not available.
     """
     with as_input_errors(ConfigError):
         config = source.config if file is None else load_config(file)
     config = with_engine(config, strategy, engine)
-    # Built once in advance, so that whatever is missing is reported before anything is opened.
+    # Built once in advance, so that missing parts are reported before anything is opened.
     silent = logging.Logger("viso.trying", logging.CRITICAL + 1)
     with as_input_errors(ValueError, StrategyNotAvailableError):
         build_vio_strategy(config, source.calibration, lambda: 0, silent).close()
@@ -56,7 +56,7 @@ def configured(
 
 
 def known_truth(source: Recording | LiveCamera, file: Path | None) -> Trajectory | None:
-    """Return the trajectory in a file, or what the source knows."""
+    """Return the trajectory in a file, or the source's own."""
     if file is None:
         return source.poses if isinstance(source, Recording) else None
     with as_input_errors(TrajectoryError):
