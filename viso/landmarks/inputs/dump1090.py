@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Snapshots of dump1090 and readsb: ``aircraft.json``, its copies over time, and those of older versions.
 
-Speeds are in kt, altitudes in ft, rates in ft/min. ``alt_baro`` is pressure altitude or "ground"; where an aircraft
-tells none, ``alt_geom`` above the ellipsoid is taken. Older versions call them ``altitude``, ``speed``, ``vert_rate``.
+Speeds are in kt, altitudes in ft, rates in ft/min. ``alt_baro`` is pressure altitude or "ground"; without it
+``alt_geom`` above the ellipsoid is used. Older versions call them ``altitude``, ``speed``, ``vert_rate``.
 """
 
 from collections import Counter
@@ -33,7 +33,7 @@ SAME_POSITION_S: Final = 0.25
 
 
 class Dump1090Reader(LineReader):
-    """Makes a report of each new position of a snapshot: a whole one, which may have line ends inside.
+    """Makes a report of each new position in a snapshot, which is read as a whole and may have line ends inside.
 
     Times are UTC, by ``now`` less the age of the position; snapshots without ``now`` have the time of their arrival.
     """
@@ -46,7 +46,7 @@ class Dump1090Reader(LineReader):
         return self.take_snapshot(json_record(line), arrival_s)
 
     def take_snapshot(self, snapshot: object, arrival_s: float | None = None) -> list[Event]:
-        """Return the reports of a snapshot as JSON gives it. Raises Refused if it is none."""
+        """Return the reports of a parsed snapshot. Raises Refused if it is invalid."""
         # The first dump1090 sent the list of aircraft alone.
         if isinstance(snapshot, list):
             snapshot = {"aircraft": snapshot}
@@ -138,13 +138,13 @@ class Dump1090Folder:
 
 
 def _is_snapshot(snapshot: Any) -> bool:
-    # Its neighbours, receiver.json and stats.json, are none.
+    # Its neighbours, receiver.json and stats.json, are not snapshots.
     now = snapshot.get("now") if isinstance(snapshot, dict) else None
     return isinstance(now, int | float) and abs(now) <= LARGEST_S and "aircraft" in snapshot
 
 
 def json_record(text: str) -> Any:
-    """Return what a text in JSON holds. Raises Refused if it is none."""
+    """Return the value of a JSON text. Raises Refused if it is invalid."""
     try:
         return parsed_json(text)
     except ValueError:

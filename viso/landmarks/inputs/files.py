@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which reader a file needs, by the ending of its name or by how it begins."""
+"""Choice of the reader of a file, by its name's ending or its first bytes."""
 
 from dataclasses import dataclass
 from itertools import islice
@@ -23,14 +23,14 @@ KNOWN: Final = (
     "or a bag (.bag, .db3, .mcap, folder)"
 )
 TRIED_LINES: Final = 20
-"""A file that was cut out of a stream may begin within a record."""
+"""The lines tried for detection: a file cut out of a stream may begin within a record."""
 _BAGS: Final = (".bag", ".db3", ".mcap")
 _SBS1_TYPES: Final = frozenset({"MSG", *OTHER_TYPES})
 
 
 @dataclass(frozen=True, slots=True)
 class InputOptions:
-    """What a file does not tell itself.
+    """Settings that a file does not contain.
 
     Attributes:
         odometry_is_ned: whether a bag's odometry is in NED.
