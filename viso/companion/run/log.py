@@ -54,7 +54,7 @@ class VioLog:
     """Keeps all frames; a listener of the pipeline.
 
     Attributes:
-        shift_ns: what was added to the source's stamps; it is taken off again.
+        shift_ns: offset that was added to the source's stamps; it is subtracted again.
     """
 
     def __init__(self, config: VioConfig) -> None:
@@ -64,7 +64,7 @@ class VioLog:
         self.frames: list[LoggedFrame] = []
 
     def take(self, result: Result) -> None:
-        """Take the result of a frame."""
+        """Add the result of a frame."""
         local = self._composer.compose_alone(result.output)
         sigma_m = None if local is None else math.sqrt(float(np.trace(local.covariance_6x6[3:, 3:])) / 3)
         self.frames.append(LoggedFrame(result.t_ns - self.shift_ns, result, sigma_m))
@@ -75,7 +75,7 @@ class VioLog:
         return self.frames[-1] if self.frames else None
 
     def states(self) -> Counter[str]:
-        """Return how many frames ended in which state."""
+        """Return the number of frames by state."""
         return Counter(frame.state.value for frame in self.frames)
 
     def trajectory(self) -> Trajectory:
@@ -83,7 +83,7 @@ class VioLog:
         return Trajectory.of([(frame.t_ns, frame.pose) for frame in self.frames if frame.pose is not None])
 
     def error(self, truth: Trajectory | None) -> AbsoluteError | None:
-        """Return the error after alignment without scale; None where too little is known of the truth."""
+        """Return the error after alignment without scale; None without enough ground truth."""
         if truth is None:
             return None
         try:
@@ -92,7 +92,7 @@ class VioLog:
             return None
 
     def summary(self, truth: Trajectory | None) -> dict[str, Any]:
-        """Return what came out, for people and for machines."""
+        """Return the figures of the run, for people and for machines."""
         last, trajectory, error = self.last, self.trajectory(), self.error(truth)
         times_ms = [frame.total_ms for frame in self.frames]
         features = [frame.result.output.feature_quality for frame in self.frames if frame.result.output is not None]

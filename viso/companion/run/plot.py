@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The picture of a visual-inertial odometry's flight: its path from above, and what it was like over time."""
+"""The picture of a visual-inertial odometry's flight: its path from above, and its states and errors over time."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -27,8 +27,8 @@ def save_plot(log: VioLog, truth: Trajectory | None, title: str, path: Path, *, 
     """Write the picture as PNG.
 
     Args:
-        truth: what is known of the path from elsewhere.
-        aligned: whether to turn and shift the estimate onto the truth, as when they have worlds of their own.
+        truth: the ground truth of the path.
+        aligned: whether to rotate and shift the estimate onto the truth, as when their worlds differ.
 
     Raises:
         InputError: if it cannot be written.

@@ -29,7 +29,7 @@ Stop = Callable[[], bool]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VioSession:
-    """What to do with a source.
+    """A source, and how to run it.
 
     Attributes:
         until_s: where to end, in seconds since the first frame; None for the source's end.
@@ -43,7 +43,7 @@ class VioSession:
     until_s: float | None = None
 
     def run_through(self) -> None:
-        """Go through a recording as fast as can be; the same data give the same poses.
+        """Run through a recording as fast as possible; the same data give the same poses.
 
         Raises InputError if the recording cannot be read on.
         """
@@ -104,7 +104,7 @@ class VioSession:
         return {"sent": vio.sent(), "texts": received}
 
     def _source(self) -> Recording | LiveCamera:
-        """Return the source as far as it is wanted."""
+        """Return the source up to the end time."""
         source = self.source
         if not isinstance(source, Recording):
             return source
@@ -140,7 +140,7 @@ def event_logger(path: Path | None) -> Iterator[logging.Logger]:
 
 
 def printable(text: str) -> str:
-    """Return a text of the vehicle without what would disturb a terminal."""
+    """Return a text of the vehicle without control characters."""
     return "".join(character if character.isprintable() else "?" for character in text)
 
 

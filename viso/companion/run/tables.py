@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a visual-inertial odometry is at, and what came out of it, as tables."""
+"""Tables of a visual-inertial odometry's progress and results."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -21,7 +21,7 @@ _NONE: Final = "-"
 
 
 def live_table(frame: LoggedFrame | None) -> Table:
-    """Return a table of how things stand after a frame; None before the first."""
+    """Return a table of the state after a frame; None before the first."""
     columns = [Column(name, justify="right") for name in ("tracked", "inliers", "parallax", "position, m", "sigma")]
     table = Table("state", "reason", *columns, Column("ms", justify="right"), Column("dropped", justify="right"))
     if frame is None:

@@ -35,7 +35,7 @@ from viso.geometry.rotation import Array
 AUTOPILOT_STREAMS_HZ: Final = MappingProxyType({"ATTITUDE_QUATERNION": 20.0, "LOCAL_POSITION_NED": 20.0})
 MAX_POSITION_AGE_NS: Final = 200_000_000
 AUTOPILOT_COVARIANCE: Final = np.diag(np.repeat([0.02, 0.02, 0.03, 1e-3, 0.2, 0.02, 0.2], (1, 1, 1, 3, 3, 3, 3)) ** 2)
-"""Of a warm start from the autopilot's state; the position is exact, because the odometry continues from it."""
+"""The covariance of a warm start from the autopilot's state; the position is exact, as odometry starts there."""
 
 _NS_PER_US: Final = 1000
 
@@ -44,10 +44,10 @@ Start = Callable[[int], WarmStartPose | None]
 
 
 class AutopilotState(FcInbound):
-    """The autopilot's state, as one to start from.
+    """The autopilot's state, for a warm start.
 
     Args:
-        origin_w: where the autopilot's origin is in the strategy's world, m, ENU.
+        origin_w: the autopilot's origin in the strategy's world, m, ENU.
     """
 
     def __init__(self, clock: ClockSync, origin_w: Array) -> None:
@@ -56,7 +56,7 @@ class AutopilotState(FcInbound):
         self._place: tuple[int, LOCAL_POSITION_NED] | None = None
 
     def take(self, message: Message, arrival_ns: int) -> None:
-        """Take a message that arrived at a time."""
+        """Handle a message with its time of arrival."""
         if isinstance(message, LOCAL_POSITION_NED):
             self._place = arrival_ns, message
         super().take(message, arrival_ns)
@@ -92,7 +92,7 @@ class VirtualCompanion:
         flight: the data of the sensors; its clock is the companion's.
 
     Attributes:
-        alter_frame: may be set to what is done to each frame before anybody sees it.
+        alter_frame: optional function that changes each frame before it is used.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class VirtualCompanion:
     ) -> None:
         clock = ClockSync()
         self._now_ns = flight.start_ns
-        self._imu = ImuBuffer(wait=lambda _changed, _is_there, _wait_s: None)  # what has not come will not come
+        self._imu = ImuBuffer(wait=lambda _changed, _is_there, _wait_s: None)  # data not yet here will not come
         self._strategy = build_vio_strategy(config, flight.calibration, lambda: self._now_ns, logger)
         self.autopilot = AutopilotState(clock, flight.truth(flight.start_ns).t)
         self.source = OdometrySource(config, local_alignment=config.odometry.local_alignment, world_is_north=True)
@@ -134,7 +134,7 @@ class VirtualCompanion:
         self._start = start or self.autopilot.start_at
 
     def run(self, now_us: int) -> None:
-        """Do what is due by a time of the companion's clock."""
+        """Handle what is due by a time of the companion's clock."""
         now_ns = now_us * _NS_PER_US
         while self._next is not None and self._next[0] <= now_ns:
             self._now_ns, event = self._next
@@ -146,7 +146,7 @@ class VirtualCompanion:
         self.sender.run(now_us)
 
     def close(self) -> None:
-        """Let go of what the strategy has of the system."""
+        """Release the strategy's system resources."""
         self._strategy.close()
 
     def _take(self, event: SensorEvent) -> None:
@@ -163,12 +163,12 @@ class VirtualCompanion:
         if pose is not None:
             self._start, self._has_world = None, True
             self.pipeline.request_warm_start(pose)
-        if self._has_world:  # else it would begin in one of its own, without a north
+        if self._has_world:  # otherwise its world would have no north
             self.pipeline.process(frame)
 
 
 def _arrivals(flight: SyntheticFlight) -> Iterator[tuple[int, SensorEvent]]:
-    """Yield when the companion has what, in order."""
+    """Yield the times of arrival and the data at the companion, in order."""
     latency_ns = round(flight.latency_s * 1e9)
     for event in flight.events():
         if isinstance(event, NavCameraFrame):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all sources of recorded data have in common."""
+"""Shared parts of all sources of recorded data."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator
@@ -29,11 +29,11 @@ from viso.geometry.rotation import Array, inverse, product, quat_wxyz_from_rotat
 from viso.geometry.trajectory import Trajectory
 
 LEAD_NS: Final = 100_000_000
-"""How long before the first frame inertial data are of use."""
+"""The time before the first frame from which on inertial data are used."""
 
 
 class SourceError(Exception):
-    """A source that cannot be used, in one line: which file, and what is wrong with it."""
+    """A source that cannot be used; the text is one line with the file and the reason."""
 
     def __init__(self, text: str) -> None:
         super().__init__(" ".join(text.split()))
@@ -41,14 +41,14 @@ class SourceError(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SourceOptions:
-    """What a source is, and how to take it.
+    """The name of a source, and how to read it.
 
     Attributes:
-        name: of a file, a folder, a device or what else a kind of source understands.
-        calibration, imu: files of the camera's and with inertial data; None for what the source brings along.
+        name: a file, a folder, a device or another name that a kind of source accepts.
+        calibration, imu: files of the camera's and with inertial data; None for those that the source contains.
         imu_start_s: time of that file at which the pictures begin.
-        fps: how many frames to take a second; None for all.
-        imu_axes: where x, y and z of the IMU point, such as FLU; None for what is usual for the kind of source.
+        fps: frames to use per second; None for all.
+        imu_axes: directions of the IMU's x, y and z, such as FLU; None for the default of the kind of source.
         mounting: [3, 3], what is left to turn, from FRD axes as the letters say to the vehicle's; None for nothing.
     """
 
@@ -70,13 +70,13 @@ class SourceOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """Data of a flight that can be played any number of times; the body is FLU, the world ENU or at least z up.
+    """Data of a flight that can be replayed any number of times; the body is FLU, the world ENU or at least z up.
 
     Attributes:
-        data: yields, each time from the start, what arrives in the order in which it arrives; raises SourceError.
-        poses: world_T_body as far as it is known from elsewhere; None if it is not.
+        data: yields the data in order of arrival, each time from the start; raises SourceError.
+        poses: world_T_body from another source; None if unknown.
         start: the state at the first frame; None if it is not known.
-        config: what suits these data, unless told otherwise.
+        config: the default configuration for these data.
         world_is_north: whether the world of ``start`` has an absolute yaw.
     """
 
@@ -110,10 +110,10 @@ class Recording:
 
 
 class Thinning:
-    """Chooses frames so that no more than so many a second are left.
+    """Limits the frames per second.
 
     Args:
-        fps: how many; None for all.
+        fps: the limit; None for all.
         period_ns: between two frames: so much less than half early is early enough.
     """
 
@@ -123,12 +123,12 @@ class Thinning:
         self._due_ns: float | None = None
 
     def wants(self, t_ns: int) -> bool:
-        """Return whether to take the frame of a time, which is later than that of the one before."""
+        """Return whether to use the frame of a time, which is later than that of the last call."""
         if self._due_ns is None:
             self._due_ns = t_ns
         if t_ns + self._tolerance_ns < self._due_ns:
             return False
-        # What comes late does not bring the others nearer together.
+        # A late frame does not bring the later ones closer together.
         self._due_ns = max(self._due_ns, t_ns - self._tolerance_ns) + self._step_ns
         return True
 
@@ -148,9 +148,9 @@ def body_rotation(letters: str, mounting: Array | None = None) -> Array:
 def in_order_of_arrival(
     samples: Iterable[ImuSample], frames: Iterable[NavCameraFrame], camera_offset_s: float
 ) -> Iterator[SensorEvent]:
-    """Yield both, each frame after the first sample that is not before it; both are in the order of time.
+    """Yield samples and frames, each frame after the first sample not before it; both inputs are ordered by time.
 
-    The offset is what must be added to a frame's stamp to get the samples' time.
+    The offset is added to a frame's stamp to get the samples' time.
     """
     offset_ns, waiting = round(camera_offset_s * 1e9), iter(samples)
     newest_ns: int | None = None

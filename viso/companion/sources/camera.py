@@ -65,7 +65,7 @@ class CameraFrames:
                 return make_frame(self._sequence - 1, t_ns, pixels, self._camera_id)
 
     def close(self) -> None:
-        """Let go of the camera; a read under way does it when it returns. From any thread, also twice."""
+        """Release the camera; a read in progress does so when it returns. From any thread, also twice."""
         self._closed = True
         if self._lock.acquire(blocking=False):
             self._capture.release()

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The telemetry in a GoPro's video: the camera's own IMU, and what the drone that carries it has told.
+"""The telemetry in a GoPro's video: the camera's own IMU, and the messages of the drone that carries it.
 
 The camera's axes are z up, x to its left, y back, as was found by comparing the gyro with the movement of the picture.
-A HERO5 tells them in the order z, x, y without saying so; later cameras say what they do (ORIN).
+A HERO5 has them in the order z, x, y without stating it; later cameras state the order (ORIN).
 """
 
 import dataclasses
@@ -30,7 +30,7 @@ _FLU_FROM_XYZ: Final = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Telemetry:
-    """What there is beside the pictures, by the time of the video: the camera's IMU, FLU, and what its drone told."""
+    """The data beside the pictures, by the time of the video: the camera's IMU, FLU, and the drone's messages."""
 
     samples: tuple[ImuSample, ...]
     drone: DroneTrack | None

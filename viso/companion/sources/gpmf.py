@@ -23,7 +23,7 @@ _COLUMN: Final = re.compile(r"(.)(?:\[(\d{1,4})\])?")
 
 
 class GpmfError(ValueError):
-    """Carries what is wrong with telemetry."""
+    """Carries the fault of telemetry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +43,13 @@ class Item:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stream:
-    """What a sensor measured within a payload.
+    """The data of a sensor in a payload.
 
     Attributes:
-        key: what it is, such as ACCL.
+        key: key of the sensor, such as ACCL.
         rows: [N, columns], scaled (SCAL).
-        total: rows of this stream so far, these included (TSMP); None if not told.
-        tick_s: the camera's time (TICK, STMP); None if not told.
+        total: rows of this stream so far, these included (TSMP); None if unknown.
+        tick_s: the camera's time (TICK, STMP); None if unknown.
         axes: letters of the columns (ORIN), lower case for what is turned round; empty if not told.
     """
 
@@ -127,7 +127,7 @@ def _rows(item: Item, columns: str, scale: Array) -> Array:
     if len(scale) not in (1, len(numeric)) or not scale.all():
         raise GpmfError(f"{item.key}: {len(scale)} scales for {len(numeric)} columns, or one of 0")
     rows = list(struct.iter_unpack(_form(columns), item.data)) if len(item.data) else []
-    with np.errstate(all="ignore"):  # what is not finite is for whoever wants the numbers
+    with np.errstate(all="ignore"):  # callers check for finite numbers
         factors = np.array([_FRACTIONS.get(letter, 1.0) for letter in numeric]) / scale
         return np.array(rows, np.float64).reshape(len(rows), len(numeric)) * factors
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a Karma drone tells the camera that it carries: ATTITUDE and LOCAL_POSITION_NED of its autopilot.
+"""The messages of a Karma drone in its camera's video: ATTITUDE and LOCAL_POSITION_NED of its autopilot.
 
 The camera hangs in a gimbal that keeps it level and follows the drone's heading. That gives the attitude to start with;
 what the camera's IMU then shows beyond the drone's acceleration and gravity is its bias.
@@ -20,7 +20,7 @@ from viso.geometry.rotation import Array, quat_wxyz_from_rotation, rotations_fro
 from viso.geometry.trajectory import Trajectory
 
 DELAY_S: Final = 0.2
-"""How late the drone's messages are: by that, its accelerations agree best with those that the camera felt."""
+"""The delay of the drone's messages at which its accelerations agree best with the camera's."""
 LONGEST_S: Final = 1e6
 MEAN_S: Final = 1.0
 """Over how long the IMU and the drone's acceleration are averaged for the state to start with."""
@@ -30,7 +30,7 @@ _LEVEL = _X + _Y  # the axes about which the gimbal does not let the camera turn
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DroneTrack:
-    """What the autopilot has told, by the time of the video.
+    """The autopilot's data, by the time of the video.
 
     Attributes:
         t_s: [N], strictly increasing.
@@ -72,7 +72,7 @@ class DroneTrack:
 
 
 def drone_track(attitudes: Array, positions: Array, spans: Sequence[tuple[float, float, float, float]]) -> DroneTrack:
-    """Return the track that messages make.
+    """Return the track of messages.
 
     Args:
         attitudes: [M, 4] or more: time since boot in s, roll, pitch and yaw in rad.

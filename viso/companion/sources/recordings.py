@@ -36,7 +36,7 @@ def open_euroc(options: SourceOptions) -> Recording:
 
 
 def open_gopro(options: SourceOptions) -> Recording:
-    """Open a GoPro's video; where its drone has told where it was, begin with the first frame after that.
+    """Open a GoPro's video; with a drone's positions, begin with the first frame after the first of these.
 
     Raises SourceError if the file cannot be used, or there is no calibration for pictures of its size.
     """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The errors of visual-inertial odometry; what becomes of a frame is no error, but a result."""
+"""The errors of visual-inertial odometry; the outcome of a frame is not an error but a result."""
 
 
 class VioError(Exception):

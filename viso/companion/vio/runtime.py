@@ -34,10 +34,10 @@ class FrameSource(Protocol):
 
 
 class DropOldestQueue:
-    """Frames on their way; when it is full, the oldest gives way to the new one.
+    """A queue of frames; when it is full, a new frame replaces the oldest.
 
     Attributes:
-        dropped: how many frames gave way to newer ones.
+        dropped: number of frames dropped for newer ones.
         closed: whether no more frames come.
     """
 
@@ -70,7 +70,7 @@ class DropOldestQueue:
             return self._frames.popleft() if self._frames else None
 
     def close(self, failure: str | None = None) -> None:
-        """Let ``get`` return at once from now on, when there is nothing left."""
+        """Close the queue: ``get`` returns at once when it is empty."""
         with self._changed:
             self.failure = self.failure or failure
             self.closed = True
@@ -168,7 +168,7 @@ class VioWorker:
         self._thread.start()
 
     def stop(self) -> None:
-        """Ask the thread to end after the frame that it is at; does not wait."""
+        """Ask the thread to end after its present frame; does not wait."""
         self._stop.set()
         self._queue.close()
 
@@ -199,7 +199,7 @@ class VioWorker:
         return True
 
     def _wait_on(self) -> bool:
-        """Find out why there is no frame; return whether one may still come."""
+        """Handle a missing frame; return whether one may still come."""
         if self._queue.closed:
             if self._queue.failure is not None:
                 self._pipeline.lose(self._queue.failure)
@@ -211,9 +211,9 @@ class VioWorker:
 
 
 class VioRuntime:
-    """Visual-inertial odometry at work, in two threads: one reads the camera, one owns the strategy.
+    """A running visual-inertial odometry in two threads: one reads the camera, one owns the strategy.
 
-    In virtual time there is none: whoever has the clock gives the frames to a ``VioPipeline``.
+    Virtual time does not use it: there the owner of the clock passes the frames to a ``VioPipeline``.
 
     Args:
         source: of the frames; closed by ``stop``.

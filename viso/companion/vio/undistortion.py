@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From pixels to the directions they look in, and back.
+"""Conversion between pixels and viewing directions.
 
 The models are OpenCV's: radial-tangential (Brown 1966) with k1 k2 p1 p2 [k3], and the fisheye's equidistant one
 (Kannala and Brandt, A generic camera model, 2006) with k1 k2 k3 k4. Normalised coordinates are x/z and y/z in the
@@ -58,7 +58,7 @@ def _undistort_radtan(distortion: Array, x_seen: Array, y_seen: Array) -> tuple[
     k1, k2, p1, p2, k3 = _five(distortion)
     x, y = x_seen, y_seen
     good = np.zeros(x.shape, dtype=bool)
-    with np.errstate(all="ignore"):  # what runs away becomes NaN below
+    with np.errstate(all="ignore"):  # diverging values become NaN below
         for _ in range(_MAX_ITERATIONS):
             # As in _radtan, but what the Jacobian has in common with it is computed once.
             xx, yy = x * x, y * y

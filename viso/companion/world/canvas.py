@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a landscape is painted on: a tone (the brightness) and a material for each pixel."""
+"""The canvas of a landscape: a tone (the brightness) and a material for each pixel."""
 
 import enum
 import math
@@ -21,7 +21,7 @@ _SHADOW: Final = np.float32(0.38)
 
 
 class Material(enum.IntEnum):
-    """What the ground is made of; the first four are grown or tilled."""
+    """The material of the ground; the first four are vegetation or fields."""
 
     GRASS = 0
     MEADOW = 1

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A flight over synthetic ground: what a companion gets from its sensors, in order, and the truth about it."""
+"""A flight over synthetic ground: the companion's sensor data in order, and the ground truth."""
 
 import heapq
 import math
@@ -36,7 +36,7 @@ CAMERA_ID: Final = "synthetic"
 _NS: Final = 1_000_000_000
 _CAMERA_PLACE_B: Final = (0.1, 0.0, -0.05)
 
-# What a warm start claims to know: where it is by definition, the height and the biases hardly at all.
+# The sigmas of a warm start: the position is exact by definition, the height and the biases are nearly unknown.
 _PLACE_SIGMA_M: Final = 1e-3
 _HEIGHT_SIGMA_M: Final = 0.3
 _GYRO_SIGMA: Final = 0.02
@@ -113,7 +113,7 @@ class SyntheticFlight:
     Attributes:
         seed: of all noise and errors; the trajectory and the texture have their own.
         trajectory: its time 0 is the flight's start.
-        place: what there is instead of flat ground; None for that.
+        place: the scenery; None for flat ground.
         duration_s: from the start; no frame is taken after it.
         start_ns: stamp of the start.
         frame_rate_hz: of the camera, and of the height measurements.
@@ -122,7 +122,7 @@ class SyntheticFlight:
         covered_s: spans of time, from and to, in which the lens is covered.
         pixel_sigma: noise of a pixel in grey levels.
         height_sigma_m: noise of the height; None for no measurements.
-        height_scale: what the height is multiplied with: 1.03 for an error of 3 %.
+        height_scale: factor of the height: 1.03 for an error of 3 %.
         imu_bias: at the start.
     """
 
@@ -145,7 +145,7 @@ class SyntheticFlight:
     imu_rate_hz: int = DEFAULT_RATE_HZ
 
     def events(self) -> Iterator[SensorEvent]:
-        """Yield what the sensors tell, as it arrives; the IMU a little longer than the rest."""
+        """Yield the sensor data in order of arrival; the IMU a little longer than the rest."""
         sources = (self._imu_events(), self._height_events(), self._frame_events())
         for _, event in heapq.merge(*sources, key=lambda arrival: arrival[0]):
             yield event

@@ -33,7 +33,7 @@ _SECOND: Final = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """How a vehicle moves, at N times.
+    """The motion of a vehicle at N times.
 
     Attributes:
         t_s: [N].
@@ -67,7 +67,7 @@ class FlightPath:
     lean: Curve
 
     def motion(self, t_s: Array) -> Motion:
-        """Return how the vehicle moves at times [N]."""
+        """Return the vehicle's motion at times [N]."""
         t_s = np.atleast_1d(np.asarray(t_s, np.float64))
         around = t_s[:, None] + _OFFSETS_S
         rotation = self._rotation(t_s)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a camera sees of a plane: the ground texture through the lens, as large as its pixels are there, with noise.
+"""The camera's picture of a plane: the ground texture through the lens, at the pixels' resolution, with noise.
 
 Needs OpenCV: ``pip install 'ardupilot-viso[vio]'``.
 """
@@ -55,7 +55,7 @@ class Renderer(abc.ABC):
 
     @abc.abstractmethod
     def _view(self, world_T_camera: SE3) -> Pixels:
-        """Return what is seen from a place, without noise."""
+        """Return the picture from a pose, without noise."""
 
     def _frame(self, pixels: Pixels, sequence: int, time_ns: int) -> NavCameraFrame:
         rng = np.random.default_rng([self._seed, 5, sequence])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a flight may be other than over flat ground, and what a camera sees there: hills, a room. Needs OpenCV."""
+"""Scenery other than flat ground, and the camera's pictures of it: hills, a room. Needs OpenCV."""
 
 import math
 from collections.abc import Callable
@@ -28,15 +28,15 @@ Rays = npt.NDArray[np.float64]
 
 
 class Place(Protocol):
-    """What a camera sees, and how high the ground is."""
+    """A scenery: the camera's view, and the height of the ground."""
 
     def renderer(
         self, texture: GroundTexture, calibration: CameraCalibration, seed: int, noise_sigma: float
     ) -> Renderer:
-        """Return what makes pictures of it; needs OpenCV."""
+        """Return its renderer; needs OpenCV."""
 
     def ground_m(self, east_m: Array, north_m: Array) -> Array:
-        """Return how high the ground is, z of the world in m, at places of any shape."""
+        """Return the height of the ground, z of the world in m, at places of any shape."""
 
 
 class HillsRenderer(Renderer):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the ground looks like from above: a picture with a scale, repeated by mirroring so that it never ends."""
+"""The ground from above: a picture with a scale, repeated without end by mirroring."""
 
 import math
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class GroundTexture:
 
     @property
     def extent_m(self) -> tuple[float, float]:
-        """How far the picture reaches to the east and to the north before it is mirrored."""
+        """The extent of the picture to the east and to the north before it is mirrored."""
         height, width = self.pixels.shape[:2]
         return width * self.metres_per_pixel, height * self.metres_per_pixel
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What stands on the land and throws shadows: stones, shrubs and trees, houses and cars."""
+"""Objects with shadows: stones, shrubs and trees, houses and cars."""
 
 import math
 
