@@ -60,7 +60,7 @@ class Sending:
 
     def _try(self, channel: Channel, name: str, now_us: int) -> bool:
         """Send a message if it has content; return False if it has to wait."""
-        # FIRMWARE PARITY: the firmware sends so in the blocking delays of initialisation.
+        # FIRMWARE PARITY: the firmware limits messages so in the blocking delays of initialisation.
         if not self.vehicle.copter.has_booted and name not in SENT_WHILE_BOOTING:
             return True
         if self._is_delayed(now_us):
