@@ -43,6 +43,7 @@ from hypothesis.stateful import (
 )
 from pymavlink.DFReader import DFReader_binary
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+from pymavlink.dialects.v20 import development
 
 from ap_core.cint import u8, u32
 from ap_core.fmath import f32
@@ -114,6 +115,9 @@ NAMES = st.sampled_from(PARAMETERS) | st.text(max_size=16)
 SENDERS_IDS = st.tuples(st.sampled_from([255, 1, 7, 0]), st.sampled_from([190, 1, 197]))
 
 
+DEFINITIONS = {**development.mavlink_map, **dialect.mavlink_map}
+
+
 def of_type(kind: str, length: int) -> st.SearchStrategy[Any]:
     """Return the values of a field of the dialect."""
     if kind == "char":
@@ -124,7 +128,7 @@ def of_type(kind: str, length: int) -> st.SearchStrategy[Any]:
 
 def of_class(cls: type[Message]) -> st.SearchStrategy[Message]:
     """Return all messages of a type."""
-    raw = dialect.mavlink_map[message_id(cls.__name__)]
+    raw = DEFINITIONS[message_id(cls.__name__)]
     kinds = dict(zip(raw.fieldnames, raw.fieldtypes, strict=True))
     lengths = dict(zip(raw.ordered_fieldnames, raw.array_lengths, strict=True))
     names = [field.name for field in fields(cls)]
