@@ -22,16 +22,18 @@ from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import pyperf
 from pymavlink.DFReader import DFReader_binary
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mav_handlers.wire.codec import Codec
-from mav_handlers.wire.messages import ODOMETRY
 from tools.measured import commit, render
 from tools.project_files import ROOT
+
+if TYPE_CHECKING:
+    from mav_handlers.wire.codec import Codec
+    from mav_handlers.wire.messages import ODOMETRY
 
 VISO: Final = (sys.executable, "-c", "from viso.cli import main; main()")
 CAPTURE: Final = ROOT / "tests/data/captures/flight_t265.jsonl.gz"
@@ -82,6 +84,8 @@ class Bench(NamedTuple):
 
 def odometry_at(time_us: int) -> ODOMETRY:
     """Return what a camera sends that sways near the origin, level, heading north."""
+    from mav_handlers.wire.messages import ODOMETRY
+
     sway_m, phase = 0.02, time_us * 1e-6
     pose = (sway_m * math.sin(phase), 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
     motion = (sway_m * math.cos(phase), 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -107,6 +111,7 @@ class FullVehicle:
     """
 
     def __init__(self, log_dir: Path, *, imus: int = 1, **params: float) -> None:
+        from mav_handlers.wire.codec import Codec
         from viso.logs.files import LogStore
         from viso.running.virtual_time import Scheduler
         from viso.vehicle.config import by_ekf3
@@ -161,6 +166,8 @@ def prepare_message(stack: ExitStack) -> Round:
 
 def prepare_parse(_stack: ExitStack) -> Round:
     """A round is the parsing of 100 messages by pymavlink."""
+    from mav_handlers.wire.codec import Codec
+
     frames = frames_of(Codec(1, 197), PERIOD_US, 100)
 
     def parse() -> float:
@@ -227,7 +234,12 @@ def prepare_filter(_stack: ExitStack) -> Round:
 def interpreted(prepare: Callable[[ExitStack], Round], stack: ExitStack) -> Round:
     """Prepare a bench in a process that has not imported the filter yet, and imports its sources."""
     os.environ["VISO_PURE"] = "1"
-    return prepare(stack)
+    prepared = prepare(stack)
+    from ekf_stub.core import IS_COMPILED
+
+    if IS_COMPILED:
+        raise RuntimeError("something has imported the compiled filter before")
+    return prepared
 
 
 def cost_of(*arguments: str) -> float:
@@ -291,6 +303,8 @@ def _processor_s(process_id: int) -> float:
 
 def start_s(folder: str) -> float:
     """Return the seconds by the clock from the start of ``viso serve`` until it accepts the first ODOMETRY."""
+    from mav_handlers.wire.codec import Codec
+
     with socket.create_server(("127.0.0.1", 0)) as listening:
         listening.settimeout(20.0)
         link = f"tcp:127.0.0.1:{listening.getsockname()[1]}"
