@@ -24,10 +24,10 @@ from viso.compare.two_replays import (
     ReplayComparison,
     TextChange,
 )
+from viso.files import html
 from viso.firmware.releases import PROFILES
 from viso.replay.figures import OBJECTIVES, Row
 from viso.replay.run import ReplayOutcome
-from viso.report import html
 from viso.terminal.console import reason_of
 from viso.vehicle.outcomes import RULES_BY_CODE, UNITS, basis, why
 

@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 
 from viso.estimators.series import total_s
+from viso.files.html import document, table
 from viso.geometry.errors import rms
 from viso.report.facts import Facts
 from viso.report.figures import FigureKind
 from viso.report.flight_data import Material
-from viso.report.html import document, table
 from viso.report.parameters import ChangedParameter
 from viso.report.summary import Level, Summary
 

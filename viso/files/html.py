@@ -13,7 +13,7 @@ _POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 def document(title: str, body: Iterable[str]) -> str:
     """Return a page of a title, as it is to be read, and of a body in HTML."""
-    css = resources.files("viso.report").joinpath("style.css").read_text(encoding="utf-8")
+    css = resources.files("viso.files").joinpath("style.css").read_text(encoding="utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
