@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from ap_core.clock import Clock
+from ap_core.clock import VirtualClock
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
@@ -48,7 +48,9 @@ class AhrsBase:
             (``ingest_rules``).
     """
 
-    def __init__(self, clock: Clock, sources: EkfSources, log: ExtNavLog, *, start_us: int = AHRS_START_US) -> None:
+    def __init__(
+        self, clock: VirtualClock, sources: EkfSources, log: ExtNavLog, *, start_us: int = AHRS_START_US
+    ) -> None:
         self._clock = clock
         self._sources = sources
         self._log = log

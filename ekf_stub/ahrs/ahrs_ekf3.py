@@ -134,7 +134,6 @@ class Ekf3Ahrs(AhrsBase):
     ) -> None:
         super().__init__(clock, sources, replay_log, start_us=start_us)
         self.source = source
-        self._pass_clock = clock
         self._replay_log = replay_log
         self._logger = logger
         self._params = params
@@ -194,7 +193,7 @@ class Ekf3Ahrs(AhrsBase):
         """Run the frames of passes, up to one at which other tasks are due, and return how many."""
         if self._is_stopped:
             left = passes_through(times_us, due_us())
-            self._pass_clock.set_us(left[-1])
+            self._clock.set_us(left[-1])
             return len(left)
         cores = self.cores
         if cores is None or not self.runs_ahead:
@@ -251,7 +250,7 @@ class Ekf3Ahrs(AhrsBase):
         """Run frames until one has texts or outcomes, or the sensors have more than inertial data; return how many."""
         ahead = self.source.ahead(times_us)
         if not len(ahead):
-            self._pass_clock.set_us(times_us[0])
+            self._clock.set_us(times_us[0])
             self.update()
             return 1
         cores.lanes.tells_outcomes = self.on_filter_outcome is not None
@@ -259,7 +258,7 @@ class Ekf3Ahrs(AhrsBase):
         now_us = times_us[count - 1]
         self.source.pass_over(times_us[:count])
         self._measured = ahead[count - 1].tolist()
-        self._pass_clock.set_us(now_us)
+        self._clock.set_us(now_us)
         self._replay_log.start_frame(now_us, 0)
         self._replay_log.frame(self.state.camera)
         self._replay_log.note_run(was_initialised=True)

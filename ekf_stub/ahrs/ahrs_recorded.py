@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ap_core.clock import Clock
+from ap_core.clock import VirtualClock
 from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
@@ -48,7 +48,7 @@ class RecordedAhrs(AhrsBase):
 
     def __init__(
         self,
-        clock: Clock,
+        clock: VirtualClock,
         sources: EkfSources,
         log: ExtNavLog,
         states: RecordedStates,
