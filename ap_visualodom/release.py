@@ -73,8 +73,8 @@ class VisualOdomRelease:
     mav_vel_err: Callable[[np.float32, np.float32, bool], np.float32] = vel_err_of_parameter
 
 
-REFERENCE: Final = VisualOdomRelease(axes_requested, position_as_scaled)
-"""The library of October 2025, and of 4.6."""
-
+STABLE_4_6: Final = VisualOdomRelease(axes_requested, position_as_scaled)
+JULY_2025: Final = STABLE_4_6
 FEBRUARY_2026: Final = VisualOdomRelease(no_axes, position_with_correction)
+STABLE_4_7: Final = FEBRUARY_2026
 APRIL_2026: Final = VisualOdomRelease(no_axes, position_with_correction, vel_err_of_message)

@@ -39,8 +39,14 @@ class FilterRelease:
     flow_limit: str = "MAX_FLOW"
 
 
-REFERENCE: Final = FilterRelease()
-"""The filter of October 2025, and of 4.6."""
-
+STABLE_4_6: Final = FilterRelease()
+JULY_2025: Final = FilterRelease()
 FEBRUARY_2026: Final = FilterRelease(gsf_asks_load=True, forgets_frozen=True, flow_limit="FLOW_MAX")
+STABLE_4_7: Final = FilterRelease(
+    gsf_asks_load=True,
+    resets_height_by_its_source=True,
+    relative_needs_no_yaw=True,
+    forgets_frozen=True,
+    flow_limit="FLOW_MAX",
+)
 APRIL_2026: Final = FilterRelease(True, True, True, True, True, True, True, "FLOW_MAX")

@@ -20,7 +20,7 @@ from mav_handlers.covariance import (
     root_of_sum,
     velocity_error,
 )
-from mav_handlers.params.names import MAV_NAMES, MAV_NAMES_WITH_RANGE, EndpointParams
+from mav_handlers.params.names import MAV_NAMES, MAV_NAMES_WITH_RANGE, SYSID_NAMES, EndpointParams
 
 RESET_FACTORY_DEFAULT, RESET_ALL_DEFAULT = 2, 4
 THOUSAND: Final = f32(1000)
@@ -69,13 +69,8 @@ class EndpointRelease:
     velocity_error: Callable[[Sequence[float]], np.float32] = no_velocity_error
 
 
-REFERENCE: Final = EndpointRelease(cube_root_of_squares, no_errors, False, True, MAV_NAMES)
-"""The master of October 2025."""
-
+STABLE_4_6: Final = EndpointRelease(cube_root_of_squares, no_errors, False, True, SYSID_NAMES)
+JULY_2025: Final = replace(STABLE_4_6, params=MAV_NAMES)
 FEBRUARY_2026: Final = EndpointRelease(root_of_sum, pose_errors, True, False, MAV_NAMES_WITH_RANGE)
-APRIL_2026: Final = replace(
-    FEBRUARY_2026,
-    resets_parameters=is_any_default,
-    highres_field_scale=THOUSANDTH,
-    velocity_error=velocity_error,
-)
+STABLE_4_7: Final = replace(FEBRUARY_2026, highres_field_scale=THOUSANDTH)
+APRIL_2026: Final = replace(STABLE_4_7, resets_parameters=is_any_default, velocity_error=velocity_error)

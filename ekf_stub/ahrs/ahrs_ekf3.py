@@ -60,7 +60,7 @@ from ekf_stub.log.replay_log import (
     ReplayLog,
     VehicleFrame,
 )
-from ekf_stub.release import REFERENCE, FilterRelease
+from ekf_stub.release import JULY_2025, FilterRelease
 from ekf_stub.reports import (
     MAV_SEVERITY_INFO,
     NUMBER_OF_IMUS,
@@ -127,7 +127,7 @@ class Ekf3Ahrs(AhrsBase):
         logger: RecordSink,
         params: ParamTable,
         texts: TextSink,
-        release: FilterRelease = REFERENCE,
+        release: FilterRelease = JULY_2025,
         *,
         start_us: int = AHRS_START_US,
         buffer_ms: int = 0,

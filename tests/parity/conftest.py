@@ -11,7 +11,7 @@ import pytest
 
 from tests.places import DATA
 from viso.compare.captures import Capture, Played, play, read_recorded
-from viso.firmware.releases import PROFILES, REFERENCE
+from viso.firmware.releases import JULY_2025, PROFILES
 from viso.logs.files import single_log
 
 
@@ -41,7 +41,7 @@ def replayed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Replay
         release, _, stem = name.rpartition("/")
         capture, log = DATA / release / "captures" / f"{stem}.jsonl.gz", folder / f"{release}{stem}.BIN"
         with single_log(log) as open_log:
-            ours = play(capture, PROFILES[release] if release else REFERENCE, open_log=open_log)
+            ours = play(capture, PROFILES[release] if release else JULY_2025, open_log=open_log)
         return Replayed(name, read_recorded(capture), ours, log)
 
     return run

@@ -18,7 +18,7 @@ from viso.compare.captures import Capture, ack_differences, record_differences, 
 from viso.compare.differences import Difference, is_equal
 from viso.compare.recordings import kind_of
 from viso.compare.tolerances import ABOUT_VISUAL_ODOM, CAPTURE, tolerances_of
-from viso.firmware.releases import REFERENCE
+from viso.firmware.releases import JULY_2025
 
 if TYPE_CHECKING:
     from tests.parity.conftest import Replayed
@@ -97,7 +97,7 @@ def test_release_is_told_by_the_capture_or_the_log_beside_it(run: "Replayed") ->
     path = DATA / release / "captures" / f"{stem}.jsonl.gz"
     told = kind_of(path).firmware_of(path)
     assert told is not None
-    assert told.name == (release or REFERENCE.name)
+    assert told.name == (release or JULY_2025.name)
 
 
 def test_every_message_has_a_verdict_with_a_reason(run: "Replayed") -> None:

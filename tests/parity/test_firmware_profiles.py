@@ -17,7 +17,7 @@ from tests.places import DATA
 from viso.compare.estimates import compare_estimates
 from viso.compare.tolerances import FLIGHT, end_s
 from viso.compare.vectors import line_differences
-from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
 from viso.replay.ekf.run import replay_ekf
 from viso.replay.feed import Replay
 from viso.replay.vectors import recompute
@@ -33,7 +33,7 @@ VERR, IGNORED = (2 + VISV.fields.index(label) for label in ("VErr", "Ign"))
 SCENARIOS, STEPS = 306, 41113
 CHUNKS = 3
 BAUD = 115200
-EARLIER = [STABLE_4_6, REFERENCE]
+EARLIER = [STABLE_4_6, JULY_2025]
 
 
 @cache
@@ -96,7 +96,7 @@ def test_velocity_that_is_refused_has_no_error_since_april() -> None:
 def test_scenarios_of_the_reference_are_those_of_4_6_and_not_of_the_later_one() -> None:
     lines = tuple(line for line in scenarios(REFERENCE_VECTORS)[:40] if '"align_position"' in line)
     found = {name: differences(lines, firmware)[1] for name, firmware in PROFILES.items()}
-    assert found[STABLE_4_6.name] == found[REFERENCE.name] == 0
+    assert found[STABLE_4_6.name] == found[JULY_2025.name] == 0
     assert found[FEBRUARY_2026.name] > 50
 
 
@@ -130,7 +130,7 @@ def errors_of(records: Any) -> list[list[str]]:
 def test_captures_come_out_as_their_release_alone_has_them(name: str, count: int) -> None:
     capture = LATER / "captures" / f"{name}.jsonl.gz"
     differ = {firmware for firmware in PROFILES if errors_differ(capture, count, PROFILES[firmware])}
-    assert differ == {STABLE_4_6.name, REFERENCE.name}
+    assert differ == {STABLE_4_6.name, JULY_2025.name}
 
 
 @pytest.mark.slow
@@ -177,7 +177,7 @@ def test_filter_says_what_the_later_release_said_over_its_log(log: Path) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("firmware", [REFERENCE, FEBRUARY_2026], ids=lambda one: one.name)
+@pytest.mark.parametrize("firmware", [JULY_2025, FEBRUARY_2026], ids=lambda one: one.name)
 def test_filter_of_an_earlier_release_says_otherwise_over_a_later_log(firmware: Firmware) -> None:
     assert missed(APRIL_LOG, firmware) != []
 

@@ -23,7 +23,7 @@ from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog, SensorSet, VehicleFrame
 from ekf_stub.log.replay_log_structure import LOG_STRUCTURE_OF_FRAMES, RBOH, REPH, REVH, RVOH
 from tests.places import DATA
-from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.firmware.releases import JULY_2025, PROFILES, Firmware
 
 WITHOUT_CAMERA: Final = "flow_take_off"
 """This vehicle has a flow sensor and a range finder instead, which ours has not."""
@@ -63,7 +63,7 @@ def frames_of(rows: Sequence[Row]) -> list[Sequence[Row]]:
 class Estimator:
     """Gives a log what an estimator of the firmware was given, by its own replay records."""
 
-    def __init__(self, firmware: Firmware = REFERENCE) -> None:
+    def __init__(self, firmware: Firmware = JULY_2025) -> None:
         self.rows: list[Row] = []
         self.log = ReplayLog(self, lambda: True, FITTED, event_order=firmware.event_order)
         self._given: dict[str, Any] = {}
@@ -144,7 +144,7 @@ def frames() -> Callable[[str], list[Sequence[Row]]]:
     return read
 
 
-def recorded_and_ours(frames: list[Sequence[Row]], firmware: Firmware = REFERENCE) -> tuple[list[Row], list[Row]]:
+def recorded_and_ours(frames: list[Sequence[Row]], firmware: Firmware = JULY_2025) -> tuple[list[Row], list[Row]]:
     estimator = Estimator(firmware)
     for frame in frames:
         estimator.run(frame)
@@ -153,7 +153,7 @@ def recorded_and_ours(frames: list[Sequence[Row]], firmware: Firmware = REFERENC
 
 
 def firmware_of(name: str) -> Firmware:
-    return PROFILES[name.partition("/")[0]] if "/" in name else REFERENCE
+    return PROFILES[name.partition("/")[0]] if "/" in name else JULY_2025
 
 
 USUAL: Final = {"bench_odometry"}

@@ -19,7 +19,7 @@ from viso.documents import parsed_json
 from viso.errors import InputError
 from viso.files.text_files import read_lines
 from viso.firmware.flown import profile_for, version_in
-from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, PROFILES, Firmware
 from viso.logs.recorded import read_columns
 from viso.replay.ekf.run import NothingToCompare, recorded_firmware
 
@@ -77,7 +77,7 @@ def _of_capture(path: Path) -> Firmware | None:
 
 def _of_conversation(path: Path) -> Firmware | None:
     # One that says what each release answers is held with the reference.
-    return _of_header(path) or (REFERENCE if specified_in(read_conversation(path)[1]) else None)
+    return _of_header(path) or (DEFAULT if specified_in(read_conversation(path)[1]) else None)
 
 
 def _of_log(path: Path) -> Firmware | None:
@@ -167,7 +167,7 @@ def compare_recording(
         names = most_like([found])
         best = found[names[0]]
         return replace(best, notes=(*best.notes, f"it names no release; it is most like {' and '.join(names)}"))
-    comparison = kind.compare(path, firmware or named or REFERENCE, on_progress)
+    comparison = kind.compare(path, firmware or named or DEFAULT, on_progress)
     return replace(comparison, named=_name(named))
 
 
@@ -185,7 +185,7 @@ def compare_with_all(path: Path, on_progress: Progress) -> dict[str, Comparison]
 
 def most_like(found: Iterable[Mapping[str, Comparison]]) -> list[str]:
     """Return the profiles under which the fewest fields of all recordings differ, the reference first among equals."""
-    totals = dict.fromkeys([REFERENCE.name, *PROFILES], 0)
+    totals = dict.fromkeys([DEFAULT.name, *PROFILES], 0)
     for comparisons in found:
         for name, comparison in comparisons.items():
             totals[name] += len(comparison.differences)

@@ -19,7 +19,7 @@ from viso.companion.sender import command_long
 from viso.companion.vio.config import AglSource, Scene, VioConfig
 from viso.companion.world.flight import SyntheticFlight
 from viso.demo.record import AUTOPILOT, COMPANION, LOOK_PERIOD_US, LoopRecord, LoopRecorder
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.logger import LogSink
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import by_ekf3
@@ -80,7 +80,7 @@ class LoopSetup:
     params: Mapping[str, float] = field(default_factory=dict)
     sensor_errors: SensorErrors = SENSOR_ERRORS
     seed: int = 0
-    firmware: Firmware = REFERENCE
+    firmware: Firmware = DEFAULT
 
     def companion_time_us(self, time_us: int) -> int:
         """Return what the companion's clock shows at a time since the autopilot's boot."""

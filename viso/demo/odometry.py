@@ -10,7 +10,7 @@ from viso.companion.vio.config import VioConfig
 from viso.companion.world.ground import generate_texture
 from viso.demo.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, CompanionLoop, LoopSetup
 from viso.demo.survey_flight import SurveyPlan, survey_flight
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.logger import LogSink
 
 COMPANION_S: Final = 7.0
@@ -42,7 +42,7 @@ TEXTURE_METRES_PER_PIXEL: Final = 0.1
 
 
 def demo_setup(
-    seed: int, firmware: Firmware = REFERENCE, choose: Callable[[VioConfig], VioConfig] = lambda config: config
+    seed: int, firmware: Firmware = DEFAULT, choose: Callable[[VioConfig], VioConfig] = lambda config: config
 ) -> LoopSetup:
     """Return what the demonstration flies; the seed is that of all noise."""
     covered_s = tuple((start_s - COMPANION_S, end_s - COMPANION_S) for start_s, end_s in COVERED_S)
@@ -72,7 +72,7 @@ class VioDemo:
         self,
         seed: int,
         open_log: Callable[[], LogSink],
-        firmware: Firmware = REFERENCE,
+        firmware: Firmware = DEFAULT,
         choose: Callable[[VioConfig], VioConfig] = lambda config: config,
     ) -> None:
         self.loop = CompanionLoop(demo_setup(seed, firmware, choose), open_log)

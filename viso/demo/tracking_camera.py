@@ -16,7 +16,7 @@ from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
 from viso.companion.trials.scripted_flight import Flight, Vector
 from viso.demo.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, VehicleLoop
 from viso.demo.record import LoopRecord
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.logger import LogSink
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.outcomes import AidingSpan
@@ -108,7 +108,7 @@ class DemoResult(LoopRecord):
     aiding: list[AidingSpan] = field(default_factory=list)
 
 
-def make_vehicle(seed: int, open_log: Callable[[], LogSink], firmware: Firmware = REFERENCE) -> Vehicle:
+def make_vehicle(seed: int, open_log: Callable[[], LogSink], firmware: Firmware = DEFAULT) -> Vehicle:
     """Return the demonstration's vehicle: it flies the scripted flight, felt by its sensors, with a T265 as its camera.
 
     Args:
@@ -126,7 +126,7 @@ class Demo(VehicleLoop):
         seed: of the noise of camera and sensors; the same seed gives the same log, byte for byte.
     """
 
-    def __init__(self, seed: int, open_log: Callable[[], LogSink], firmware: Firmware = REFERENCE) -> None:
+    def __init__(self, seed: int, open_log: Callable[[], LogSink], firmware: Firmware = DEFAULT) -> None:
         self.result = DemoResult()
         super().__init__(make_vehicle(seed, open_log, firmware), self.result)
         camera = SimulatedCamera(

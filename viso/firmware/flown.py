@@ -7,7 +7,7 @@ from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, PROFILES, Firmware
 
 COPTER: Final = "Copter"
 # Up to 3.5 it was APM:Copter V3.5.4, of rovers APMrover2 V3.5.0; of those who build their own, CubeCopter V4.5.7.
@@ -75,7 +75,7 @@ def profile_for(flown: FlownVersion | None, names: Container[str]) -> Firmware:
         names: of its parameters, which tell masters of one version apart.
     """
     if flown is None:
-        return REFERENCE
+        return DEFAULT
     profiles = list(PROFILES.values())
     numbers = [(one.major, one.minor) for one in profiles]
     version = flown.major, flown.minor

@@ -73,7 +73,7 @@ def number_and_piece(texts_before: int) -> tuple[LogValue, ...]:
 
 
 PLAIN_TEXTS: Final = LogRelease(MSG, no_head, 2)
-"""The master of October 2025, and 4.6."""
+"""The master of July 2025, and 4.6."""
 
 _MODE_ID, _FMT_ID, _RTER_ID, _LANDING_ID, _VER_ID = 120, 128, 161, 110, 206
 

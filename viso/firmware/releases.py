@@ -3,7 +3,7 @@
 """The releases of the firmware that the emulator can be: one row each, with all that it does otherwise than others."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
@@ -14,7 +14,6 @@ from ekf_stub import release as filters
 from ekf_stub.log.replay_log import EKF2_BEFORE_EKF3, EKF3_BEFORE_EKF2
 from ekf_stub.release import FilterRelease
 from mav_handlers import release as endpoint
-from mav_handlers.params.names import SYSID_NAMES
 from mav_handlers.release import EndpointRelease
 from viso.firmware import log_releases
 from viso.firmware.log_releases import NUMBERED_TEXTS, PLAIN_TEXTS, LogRelease
@@ -76,7 +75,7 @@ class Firmware:
     event_order: tuple[LogStructure, LogStructure]
     log: LogRelease
     params: ParameterRelease
-    ekf: FilterRelease = filters.REFERENCE
+    ekf: FilterRelease
     dds: DdsRelease = _DDS_OF_2025
     variance_texts: tuple[str, str] = ("EKF variance", "EKF variance")
 
@@ -91,37 +90,38 @@ class Firmware:
         return self.major << 24 | self.minor << 16 | self.patch << 8 | self.release_type
 
 
-REFERENCE: Final = Firmware(
-    "4.7-dev",
-    "2025-10",
-    "ArduCopter V4.7.0-dev",
-    "2b361bde",
-    4,
-    7,
-    0,
-    0,
-    visual_odom.REFERENCE,
-    endpoint.REFERENCE,
-    EKF2_BEFORE_EKF3,
-    PLAIN_TEXTS,
-    params.REFERENCE,
-)
-"""The release that is meant where none is named."""
-
 STABLE_4_6: Final = Firmware(
     "4.6",
-    "2025-05",
+    "2025-11",
     "ArduCopter V4.6.3",
     "3fc7011a",
     4,
     6,
     3,
     OFFICIAL,
-    visual_odom.REFERENCE,
-    replace(endpoint.REFERENCE, params=SYSID_NAMES),
+    visual_odom.STABLE_4_6,
+    endpoint.STABLE_4_6,
     EKF2_BEFORE_EKF3,
     PLAIN_TEXTS,
-    params.UP_TO_4_6,
+    params.STABLE_4_6,
+    filters.STABLE_4_6,
+)
+
+JULY_2025: Final = Firmware(
+    "2025-07",
+    "2025-07",
+    "ArduCopter V4.7.0-dev",
+    "2b361bde",
+    4,
+    7,
+    0,
+    0,
+    visual_odom.JULY_2025,
+    endpoint.JULY_2025,
+    EKF2_BEFORE_EKF3,
+    PLAIN_TEXTS,
+    params.JULY_2025,
+    filters.JULY_2025,
 )
 
 FEBRUARY_2026: Final = Firmware(
@@ -139,6 +139,24 @@ FEBRUARY_2026: Final = Firmware(
     NUMBERED_TEXTS,
     params.FEBRUARY_2026,
     filters.FEBRUARY_2026,
+    _DDS_OF_2026,
+)
+
+STABLE_4_7: Final = Firmware(
+    "4.7",
+    "2026-07",
+    "ArduCopter V4.7.1",
+    "0932dd82",
+    4,
+    7,
+    1,
+    OFFICIAL,
+    visual_odom.STABLE_4_7,
+    endpoint.STABLE_4_7,
+    EKF3_BEFORE_EKF2,
+    NUMBERED_TEXTS,
+    params.STABLE_4_7,
+    filters.STABLE_4_7,
     _DDS_OF_2026,
 )
 
@@ -162,6 +180,12 @@ APRIL_2026: Final = Firmware(
 )
 
 PROFILES: Final[Mapping[str, Firmware]] = MappingProxyType(
-    {profile.name: profile for profile in (STABLE_4_6, REFERENCE, FEBRUARY_2026, APRIL_2026)}
+    {profile.name: profile for profile in (STABLE_4_6, JULY_2025, FEBRUARY_2026, STABLE_4_7, APRIL_2026)}
 )
 """The releases by the names that ``--firmware`` takes, the oldest first."""
+
+DEFAULT: Final = JULY_2025
+"""The release that is meant where none is named."""
+
+ALIASES: Final[Mapping[str, str]] = MappingProxyType({"4.7-dev": JULY_2025.name})
+"""Other names that ``--firmware`` takes."""

@@ -17,7 +17,7 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, MSG, ORGN, VER
 from ap_core.quaternion import Quaternion
 from mav_handlers.channel import Channel
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.logger import Logger
 
 AUX_SOURCE_MAVLINK: Final = 3
@@ -33,7 +33,7 @@ _BUILT_FOR_COPTER: Final = 2
 class VehicleLog:
     """Writes records, each stamped with the time of writing; the rest of a record is the arguments."""
 
-    def __init__(self, logger: Logger, clock: Clock, firmware: Firmware = REFERENCE) -> None:
+    def __init__(self, logger: Logger, clock: Clock, firmware: Firmware = DEFAULT) -> None:
         self._logger = logger
         self._clock = clock
         self._firmware = firmware

@@ -119,7 +119,7 @@ def _source_set(number: int) -> tuple[ParamInfo, ...]:
 
 
 FLOW_LIMIT: Final = "MAX_FLOW"
-"""The limit of optical flow rates, up to October 2025."""
+"""The limit of optical flow rates, up to July 2025."""
 
 FLOW_LIMIT_LATER: Final = "FLOW_MAX"
 """The same in the master of February 2026."""

@@ -87,7 +87,7 @@ class FlyingParameters(NamedTuple):
 
     Attributes:
         spots: rows of the table, by the name of what they follow in it.
-        sources: what each is called, by its name of October 2025, and how many m, m/s, m/s/s, degrees or degrees per
+        sources: what each is called, by its name of July 2025, and how many m, m/s, m/s/s, degrees or degrees per
             second its unit is.
     """
 
@@ -109,7 +109,7 @@ def _renames(rows: Iterable[_Row]) -> Renames:
     return {row.name: Rename(row.later, hundredth) for row in rows}
 
 
-REFERENCE: Final = _parameters((*_FIRST_MOVED, *_THEN_MOVED), ())
+IN_CENTIMETRES: Final = _parameters((*_FIRST_MOVED, *_THEN_MOVED), ())
 IN_METRES: Final = _parameters(_THEN_MOVED, _FIRST_MOVED)
 ALL_IN_METRES: Final = _parameters((), (*_FIRST_MOVED, *_THEN_MOVED))
 

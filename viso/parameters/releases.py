@@ -82,7 +82,7 @@ class ParameterRelease:
     flow_limit: str = FLOW_LIMIT
     range_finder: Sequence[ParamInfo] = sensors.RANGE_FINDER
     range_unit: RangeUnit = _METRES
-    flying: FlyingParameters = flying.REFERENCE
+    flying: FlyingParameters = flying.IN_CENTIMETRES
     vicon_has_quality: bool = False
 
 
@@ -227,7 +227,7 @@ ALL_RENAMES: Final[Renames] = {**_RENAMES_OF_FEBRUARY_2026, **flying.ALL_RENAMES
 """Those of all releases."""
 
 
-REFERENCE: Final = ParameterRelease(
+JULY_2025: Final = ParameterRelease(
     (),
     _no_links,
     (),
@@ -238,9 +238,8 @@ REFERENCE: Final = ParameterRelease(
     checks_to_make,
     RENAMES_OF_4_7,
 )
-"""The master of October 2025."""
 
-UP_TO_4_6: Final = ParameterRelease(
+STABLE_4_6: Final = ParameterRelease(
     _SYSID,
     _sr_links,
     _SYSID_ENFORCE,
@@ -271,4 +270,5 @@ FEBRUARY_2026: Final = ParameterRelease(
     vicon_has_quality=True,
 )
 
-APRIL_2026: Final = replace(FEBRUARY_2026, renames=ALL_RENAMES, flying=flying.ALL_IN_METRES)
+STABLE_4_7: Final = replace(FEBRUARY_2026, renames=ALL_RENAMES, flying=flying.ALL_IN_METRES)
+APRIL_2026: Final = STABLE_4_7

@@ -12,7 +12,7 @@ from typing import Final
 from mav_handlers.links import open_link, wait_readable
 from mav_handlers.links.base import Link
 from viso.errors import InputError
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.files import LogStore
 from viso.recording.recorder import Recorder, Recording
 from viso.recording.scenario import Scenario
@@ -134,7 +134,7 @@ def record_at(
     if the link cannot be opened.
     """
     scheme, colon, name = master.partition(":")
-    firmware = None if scheme != VISO else firmware_of(name, "--master viso:") if colon else REFERENCE
+    firmware = None if scheme != VISO else firmware_of(name, "--master viso:") if colon else DEFAULT
     recorder = Recorder(scenario, allow_armed=allow_armed, on_progress=on_progress)
     if firmware is not None:
         record_viso(recorder, firmware, stops)

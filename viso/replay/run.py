@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from viso.faults.poses import VISION_NAMES
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.logger import LogSink
 from viso.replay.feed import Replay, ReplayedMessage
 from viso.streams.stream_kinds import Stream
@@ -44,7 +44,7 @@ class ReplaySetup:
     make_ahrs: Callable[[Vehicle], AhrsBase]
     baud: int | None = None
     with_filter: bool = False
-    firmware: Firmware = REFERENCE
+    firmware: Firmware = DEFAULT
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.gathering import gather
 from viso.doctor.evidence.own_filter import OwnFilter, Witness
 from viso.estimators.series import Array, Mask, Series, spans_of
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.event_names import EV_ALT_RESET, EV_YAW_RESET
 from viso.report.agreement import VisionLessEkf, lag_ms, vision_less_ekf
 from viso.report.flight_data import Material, position_moves
@@ -119,7 +119,7 @@ class Facts:
         return sum(kind.withheld for kind in self.kinds)
 
 
-def facts_of(material: Material, firmware: Firmware = REFERENCE) -> Facts:
+def facts_of(material: Material, firmware: Firmware = DEFAULT) -> Facts:
     """Return what a report says about a log; defaults of parameters are those of a release."""
     times = [one.time_s for one in (*material.vision, material.xkf1, material.xkf4) if len(one)]
     spoken = np.array([one.time_s for one in material.happenings])

@@ -12,7 +12,7 @@ import numpy as np
 
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.parameters.releases import MAX_LINKS
 from viso.parameters.table import make_groups
 from viso.report.flight_data import LoggedParameter, Material
@@ -59,7 +59,7 @@ class ParameterFacts:
     without_default: int
 
 
-def parameter_facts(material: Material, firmware: Firmware = REFERENCE) -> ParameterFacts:
+def parameter_facts(material: Material, firmware: Firmware = DEFAULT) -> ParameterFacts:
     """Return which parameters are worth a look, as a release has them."""
     by_name: dict[str, list[LoggedParameter]] = {}
     for one in material.parameters:

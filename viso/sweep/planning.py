@@ -16,7 +16,7 @@ from viso.extras import installed_version
 from viso.faults import TimelineError, parse_timeline
 from viso.faults.timeline import MAX_SEED
 from viso.files.text_files import read_text
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.streams.stream_kinds import DATAFLASH_LOG, STREAM_KINDS, TrajectoryOptions, kind_of
 from viso.sweep.dimensions import Axis, fault_field, parse_axes, values_of
 from viso.sweep.job import timeline_of
@@ -41,7 +41,7 @@ def make_plan(request: SweepRequest) -> SweepPlan:
     if not request.streams:
         raise InputError("no recorded stream is given")
     names = [name.strip() for text in request.firmware or () for name in text.split(",")]
-    profiles = [firmware_of(name) for name in names or [REFERENCE.name]]
+    profiles = [firmware_of(name) for name in names or [DEFAULT.name]]
     axes = _axes(request, profiles)
     trajectory = _trajectory(request)
     imu_options(AhrsChoice(imu_errors=request.imu_error, heading_deg=request.heading or 0.0))

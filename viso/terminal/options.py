@@ -7,12 +7,12 @@ from typing import Annotated
 import typer
 
 from viso.errors import InputError
-from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.firmware.releases import ALIASES, DEFAULT, PROFILES, Firmware
 
 FirmwareOption = Annotated[
     str, typer.Option("--firmware", help=f"The firmware to be: {', '.join(PROFILES)}.", metavar="PROFILE")
 ]
-DEFAULT_FIRMWARE = REFERENCE.name
+DEFAULT_FIRMWARE = DEFAULT.name
 RecordedFirmwareOption = Annotated[
     str | None,
     typer.Option(
@@ -26,6 +26,7 @@ RecordedFirmwareOption = Annotated[
 
 def firmware_of(name: str, option: str = "--firmware") -> Firmware:
     """Return a profile by the name that an option gives. Raises InputError if there is no such profile."""
+    name = ALIASES.get(name, name)
     if name not in PROFILES:
         raise InputError(f"{option} {name}: no such profile; there are {', '.join(PROFILES)}")
     return PROFILES[name]

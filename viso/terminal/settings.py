@@ -15,7 +15,7 @@ from ap_core.parm_file import ParmFileError, ParmLine, parse_parm
 from ap_visualodom.ap_visualodom import make_params
 from viso.errors import InputError, as_input_errors
 from viso.files.text_files import read_lines, read_text
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.parameters.conversion import NO_RENAMES, Renames, carry_over, name_here
 from viso.parameters.left_out import may_ask
 from viso.parameters.releases import ALL_RENAMES
@@ -32,7 +32,7 @@ _CHOICES: Final = ("VISO_TYPE", "EK3_SRC")
 _NAMED: Final = 8
 
 
-def known_parameters(links: int, firmware: Firmware = REFERENCE) -> ParamTable:
+def known_parameters(links: int, firmware: Firmware = DEFAULT) -> ParamTable:
     """Return the parameters of a vehicle with so many links, with their defaults."""
     return ParamTable(make_groups(links, make_params(), firmware.params))
 
@@ -124,7 +124,7 @@ def parse_assignment(text: str, table: ParamTable, option: str = "--param") -> t
 
 
 def parse_assignments(
-    texts: Sequence[str], option: str, *, links: int, firmware: Firmware = REFERENCE
+    texts: Sequence[str], option: str, *, links: int, firmware: Firmware = DEFAULT
 ) -> dict[str, float]:
     """Return the values of several ``NAME=VALUE`` by canonical name; of one name the last counts.
 
@@ -134,7 +134,7 @@ def parse_assignments(
     return dict(parse_assignment(text, table, option) for text in texts)
 
 
-def needing_reboot(names: Iterable[str], *, links: int, firmware: Firmware = REFERENCE) -> list[str]:
+def needing_reboot(names: Iterable[str], *, links: int, firmware: Firmware = DEFAULT) -> list[str]:
     """Return those of some parameters that take effect at the next boot only."""
     rows = {slot.name: slot.row for group in known_parameters(links, firmware).groups for slot in group.slots}
     return [name for name in names if name in rows and rows[name].reboot_required]
@@ -146,7 +146,7 @@ def load_settings(
     *,
     links: int,
     allow_unknown: bool = False,
-    firmware: Firmware = REFERENCE,
+    firmware: Firmware = DEFAULT,
     read_only: set[str] | None = None,
 ) -> Mapping[str, float]:
     """Return parameter values from defaults files, then from assignments, which win.

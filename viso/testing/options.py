@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Final
 
 from viso.errors import InputError
-from viso.firmware.releases import PROFILES, REFERENCE
+from viso.firmware.releases import DEFAULT, PROFILES
 from viso.logs.logger import LogSink
 from viso.terminal.settings import PRESETS, load_settings
 from viso.vehicle.config import VehicleConfig, by_ekf3
@@ -52,7 +52,7 @@ class AutopilotOptions:
     params: Mapping[str, float] = field(default_factory=dict)
     preset: str | None = None
     imu: str = "follow"
-    firmware: str = REFERENCE.name
+    firmware: str = DEFAULT.name
     vision: str | None = None
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.vehicle_state import has_compass
 from mav_handlers.signing import KeyStore, MemoryKeyStore
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.files import LogStore
 from viso.logs.logger import LogSink
 from viso.parameters.store import MemoryParamStore, StoredParams
@@ -89,6 +89,6 @@ class VehicleConfig:
     log_store: LogStore | None = None
     param_store: StoredParams = field(default_factory=MemoryParamStore)
     signing_store: KeyStore = field(default_factory=MemoryKeyStore)
-    firmware: Firmware = REFERENCE
+    firmware: Firmware = DEFAULT
     boot_utc_us: int = 0
     message_intervals: Mapping[int, Mapping[int, int]] = field(default_factory=dict)

@@ -31,7 +31,7 @@ from tests.places import DATA
 
 FIRMWARE_FMT = DATA / "firmware_fmt.json"
 
-# From UNIT and MULT records of the recorded log voxl.BIN (ArduCopter 4.7.0-dev of October 2025, SITL).
+# From UNIT and MULT records of the recorded log voxl.BIN (ArduCopter 4.7.0-dev of July 2025, SITL).
 RECORDED_UNITS = (
     "- ,? UNKNOWN,A A,a Ah,d deg,b B,B B/s,k deg/s,D deglatitude,e deg/s/s,E rad/s,G Gauss,h degheading,i A.s,"
     "J W.s,l l,L rad/s/s,m m,n m/s,o m/s/s,O degC,% %,S satellites,s s,t N.m,q rpm,r rad,U deglongitude,u ppm,"

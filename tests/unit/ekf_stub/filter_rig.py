@@ -26,7 +26,7 @@ from ekf_stub.core.vectors import Vec3, euler_of, matrix, quat_of_euler, to_body
 from ekf_stub.inputs.ingest_rules import KINDS, RULES
 from ekf_stub.inputs.measurements import DOWNWARD, FinderState, GpsSample, RangeState, RangeStatus
 from ekf_stub.log.reporting import report_of
-from ekf_stub.release import REFERENCE, FilterRelease
+from ekf_stub.release import JULY_2025, FilterRelease
 from ekf_stub.reports import CoreReport, words_of
 from tests.copies import Copies
 from viso.parameters.table import make_groups
@@ -102,7 +102,7 @@ class FilterRig:
         *,
         has_compass: bool = False,
         cores: int = 1,
-        release: FilterRelease = REFERENCE,
+        release: FilterRelease = JULY_2025,
         start_us: int = START_US,
         loop_us: int = LOOP_US,
         longest_delay_ms: int = 0,

@@ -12,7 +12,7 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.core.core import Core
 from ekf_stub.core.params import BARO, EXTNAV, GPS, NONE, RANGEFINDER
 from ekf_stub.inputs.measurements import RangeStatus
-from ekf_stub.release import APRIL_2026, REFERENCE, FilterRelease
+from ekf_stub.release import APRIL_2026, JULY_2025, FilterRelease
 from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (
     HOME,
@@ -357,7 +357,7 @@ def test_without_a_source_the_noise_is_the_barometers_in_flight(noise: float, ar
 
 
 @pytest.mark.parametrize(("release", "sources", "is_reset"), [
-    (REFERENCE, "60106", True),
+    (JULY_2025, "60106", True),
     (APRIL_2026, "60106", False),
     (APRIL_2026, "60606", True),
 ])  # fmt: skip

@@ -11,7 +11,7 @@ import pytest
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.core.vectors import euler_of, wrap_pi
-from ekf_stub.release import FEBRUARY_2026, REFERENCE, FilterRelease
+from ekf_stub.release import FEBRUARY_2026, JULY_2025, FilterRelease
 from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (
     HOME,
@@ -349,7 +349,7 @@ def test_compass_is_not_used_beside_a_gps_that_gives_yaw_and_is_without() -> Non
 @cache
 def _flown(sources: str, options: tuple[tuple[str, object], ...]) -> Copies[FilterRig]:
     """Return a vehicle that flies by GPS or is about to, back and forth along a nose of 1 rad."""
-    release = dict(options).get("release", REFERENCE)
+    release = dict(options).get("release", JULY_2025)
     params = {name: value for name, value in options if name != "release"}
     rig = FilterRig(sources, has_compass=sources[4] == "1", loop_us=SLOW_LOOP_US, release=release, **params)  # type: ignore[arg-type]
     rig.yaw = 1.0
@@ -462,7 +462,7 @@ def test_models_begin_anew_once_none_explains_the_velocity() -> None:
     assert report is None or report.weights == pytest.approx((0.2,) * 5, abs=0.01)  # it may have begun already
 
 
-@pytest.mark.parametrize(("release", "follows"), [(REFERENCE, False), (FEBRUARY_2026, True)])
+@pytest.mark.parametrize(("release", "follows"), [(JULY_2025, False), (FEBRUARY_2026, True)])
 def test_load_below_1_g_counts_for_tilt_since_february(release: FilterRelease, follows: bool) -> None:
     # GIVEN a vehicle that falls a little, at a tilt that its gyros did not see
     rig = _flown("33138", (("release", release),)).make()

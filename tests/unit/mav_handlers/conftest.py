@@ -21,7 +21,7 @@ from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, STATUSTEXT, Message
 from tests.copies import Copies
-from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.firmware.releases import JULY_2025, PROFILES, Firmware
 from viso.logs.logger import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import bench, by_ekf3
@@ -159,7 +159,7 @@ class Bench:
         *,
         version: int = 2,
         until_ms: int,
-        firmware: Firmware = REFERENCE,
+        firmware: Firmware = JULY_2025,
         filter_runs: bool = True,
         flies: bool = False,
     ) -> None:
@@ -253,7 +253,7 @@ def make_bench() -> MakeBench:
         bauds: Sequence[int | None] = (None,),
         version: int = 2,
         until_ms: int = SETTLED_MS,
-        firmware: Firmware = REFERENCE,
+        firmware: Firmware = JULY_2025,
         filter_runs: bool | None = None,
         flies: bool = False,
         **params: float,

@@ -26,7 +26,7 @@ from mav_handlers.wire.messages import (
     VISION_POSITION_ESTIMATE,
     Message,
 )
-from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
 from viso.parameters.table import make_groups
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ DOES_NOT_EXIST, VALUE_OUT_OF_RANGE, PERMISSION_DENIED = 1, 2, 3
 ORIGIN = SET_GPS_GLOBAL_ORIGIN(1, -353632610, 1491652300, 584000)
 EXTERNAL = {"EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 0, "EK3_SRC1_POSZ": 6, "EK3_SRC1_VELZ": 0, "EK3_SRC1_YAW": 6}
 every_firmware = pytest.mark.parametrize("firmware", PROFILES.values(), ids=lambda one: one.name)
-silent_firmware = pytest.mark.parametrize("firmware", [STABLE_4_6, REFERENCE], ids=lambda one: one.name)
+silent_firmware = pytest.mark.parametrize("firmware", [STABLE_4_6, JULY_2025], ids=lambda one: one.name)
 
 UNKNOWN = PARAM_SET(1, 1, "NO_SUCH", 1.0, 9)
 NOT_A_NUMBER = PARAM_SET(1, 1, "VISO_SCALE", math.nan, 9)
@@ -123,7 +123,7 @@ SET_TEXTS = ["EKF3 IMU0 origin set", "EKF3 IMU1 origin set"]
 
 @pytest.mark.parametrize(
     "firmware",
-    [pytest.param(STABLE_4_6, id=STABLE_4_6.name, marks=pytest.mark.slow), pytest.param(REFERENCE, id=REFERENCE.name)],
+    [pytest.param(STABLE_4_6, id=STABLE_4_6.name, marks=pytest.mark.slow), pytest.param(JULY_2025, id=JULY_2025.name)],
 )
 def test_requester_is_told_of_the_origin_twice(make_bench: "MakeBench", firmware: Firmware) -> None:
     told = shape(answers(navigating(make_bench, firmware), ORIGIN))
@@ -156,7 +156,7 @@ MOCAP = ATT_POS_MOCAP(1000, (1.0, 0.0, 0.0, 0.0), 1.0, 2.0, 3.0, tuple([4.0] * 2
 
 @pytest.mark.parametrize(
     ("firmware", "errors"),
-    [(STABLE_4_6, (0.2, 0.2)), (REFERENCE, (0.2, 0.2)), (FEBRUARY_2026, (math.sqrt(12), 1.5))],
+    [(STABLE_4_6, (0.2, 0.2)), (JULY_2025, (0.2, 0.2)), (FEBRUARY_2026, (math.sqrt(12), 1.5))],
     ids=lambda one: one.name if isinstance(one, Firmware) else "",
 )
 def test_covariance_of_mocap_counts_in_the_later_firmware(

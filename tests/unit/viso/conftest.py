@@ -29,7 +29,7 @@ from tests.copies import Copies
 from tests.unit.viso.command_line import Outcome, Viso
 from viso import cli
 from viso.commands import serve as serve_command
-from viso.firmware.releases import REFERENCE
+from viso.firmware.releases import JULY_2025
 from viso.logs.logger import Logger, LogSink, MemoryLog
 from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.table import make_groups
@@ -306,7 +306,7 @@ class CopterRig:
         self.vehicle = cast(
             Vehicle,
             SimpleNamespace(
-                firmware=REFERENCE,
+                firmware=JULY_2025,
                 clock=self.clock,
                 params=self.params,
                 texts=self,

@@ -459,7 +459,7 @@ def test_serve_tells_links_and_logs_and_ends_with_counts(viso: Viso, free_port: 
     outcome = viso(*serve_args(free_port, "--speedup", "1000", "--duration", "5"))
     assert outcome.code == 0
     banner = f"ArduCopter V4.7.0-dev (2b361bde) on udpin:127.0.0.1:{free_port}; "
-    profile = "firmware 4.7-dev, --firmware 4.6, 2026-02 or 2026-04 for another; "
+    profile = "firmware 2025-07, --firmware 4.6, 2026-02, 4.7 or 2026-04 for another; "
     assert outcome.out.splitlines()[0] == f"{banner}{profile}logs in logs; Ctrl-C ends"
     assert "Outcome of each message" in outcome.out
     assert Path("logs/00000001.BIN").stat().st_size > 0

@@ -46,7 +46,7 @@ def viso(*args: str, cwd: Path, without: tuple[str, ...] = EXTRAS) -> tuple[int,
 
 def test_recording_is_compared_and_told_on_a_page(tmp_path: Path) -> None:
     recording = str(DATA / "vectors" / "jitter_correction.jsonl.gz")
-    assert viso("compare", recording, "--firmware", "4.7-dev", "-o", "page.html", cwd=tmp_path) == (0, "")
+    assert viso("compare", recording, "--firmware", "2025-07", "-o", "page.html", cwd=tmp_path) == (0, "")
 
 
 def test_trajectory_is_played(tmp_path: Path) -> None:

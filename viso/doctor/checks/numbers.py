@@ -164,7 +164,7 @@ def no_covariance(evidence: Evidence) -> Iterator[Sighting]:
     severity=Severity.NOTE,
     title="Noise floors hide the covariance",
     firmware=(
-        "The firmware makes one error of the variances, and raises it to the floor. Up to October 2025 the error is "
+        "The firmware makes one error of the variances, and raises it to the floor. Up to July 2025 the error is "
         "the cube root of the sum of their squares. That is no standard deviation, and is smaller for small errors."
     ),
     source=_CLAMP,

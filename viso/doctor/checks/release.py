@@ -65,7 +65,7 @@ def _errors_text(errors: Errors) -> str:
     severity=Severity.NOTE,
     title="Errors depend on the release",
     firmware=(
-        "Up to October 2025 an error is the cube root of the sum of squared variances, since February 2026 the root of "
+        "Up to July 2025 an error is the cube root of the sum of squared variances, since February 2026 the root of "
         "their sum. The filter weighs samples by it."
     ),
     source="GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
@@ -99,7 +99,7 @@ def _agree(errors_by: _ErrorsByRelease, message: object, here: Firmware, other: 
     severity=Severity.NOTE,
     title="This release does not read the covariance of motion capture",
     firmware=(
-        "Up to October 2025 the errors of ATT_POS_MOCAP are 0, raised to the floors; since February 2026 its "
+        "Up to July 2025 the errors of ATT_POS_MOCAP are 0, raised to the floors; since February 2026 its "
         "covariance is read."
     ),
     source="GCS_Common.cpp, GCS_MAVLINK::handle_att_pos_mocap",

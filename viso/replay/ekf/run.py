@@ -20,7 +20,7 @@ from ekf_stub.log.ekf_log_structure import XKF1, XKF3, XKF4
 from ekf_stub.reports import MAV_SEVERITY_WARNING, CoreReport
 from viso.errors import InputError
 from viso.firmware.flown import profile_for, version_in
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.event_names import ERR_EKF_PRIMARY, EV_SOURCE_SET_1, EV_YAW_RESET
 from viso.logs.recorded import RecordError, finite, places_of, read_columns, records_in, text, whole
 from viso.logs.vehicle_log import ORGN_EKF
@@ -195,7 +195,7 @@ class EkfRun:
         frames = Frames(log, self._until_s * 1e6)
         player = self._player = EkfPlayer(self, frames, self._core)
         self._has_estimates = bool(log.counts.get("XKF4"))
-        self.firmware = self.firmware or recorded_firmware(log) or REFERENCE
+        self.firmware = self.firmware or recorded_firmware(log) or DEFAULT
         player.release = self.firmware.ekf
         player.place_declination = declination_of(records_in(log, ["RMGH"]))
         player.place_field = field_of(records_in(log, ["MSG", "XKF2"]), player.place_declination)

@@ -14,7 +14,7 @@ from pymavlink import mavutil
 
 from mav_handlers.links import TlogEntry, TlogError, TlogWriter, read_tlog
 
-START_US = 1_760_000_000_000_000  # October 2025
+START_US = 1_760_000_000_000_000  # July 2025
 
 
 def frame_v1(length: int = 9, fill: int = 0x11) -> bytes:

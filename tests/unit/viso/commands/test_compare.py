@@ -16,7 +16,7 @@ import pytest
 from tests.places import DATA
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.report.log_maker import LogMaker
-from viso.firmware.releases import PROFILES, REFERENCE
+from viso.firmware.releases import JULY_2025, PROFILES
 
 MESSAGES = 12
 HEAD = {"name": "short", "begins_s": 1, "camera_hz": 0, "params": {"VISO_TYPE": 1}}
@@ -74,7 +74,7 @@ def test_equal_capture_is_exit_code_0(viso: Viso, tmp_path: Path, mocap: list[An
     code, told = compared(viso, write(tmp_path / "one.jsonl", [{**mocap[0], "complete": False}, *mocap[1:]]))
     [found] = told["comparisons"]
     assert (code, told["passed"], found["kind"], found["messages"]) == (0, True, "capture", MESSAGES)
-    assert found["firmware"] == found["named"] == REFERENCE.name
+    assert found["firmware"] == found["named"] == JULY_2025.name
     assert found["fields"] > 100
     assert found["notes"] == [
         "no 'statustext' in the first line: not compared",
@@ -110,7 +110,7 @@ def test_text_and_acknowledgement_of_the_recording_alone_are_told(
 ])  # fmt: skip
 def test_changed_answer_is_told(viso: Viso, tmp_path: Path, answer: dict[str, Any] | None, field: str) -> None:
     exchange = {**PARAM, "answers": [] if answer is None else [["PARAM_VALUE", answer]]}
-    path = write(tmp_path / "one.jsonl", [{**HEAD, "firmware": REFERENCE.banner}, exchange])
+    path = write(tmp_path / "one.jsonl", [{**HEAD, "firmware": JULY_2025.banner}, exchange])
     assert only_difference(viso, path)["field"] == field
 
 
@@ -118,13 +118,13 @@ def test_time_of_an_answer_is_not_compared(viso: Viso, tmp_path: Path) -> None:
     request = {"target_system": 1, "target_component": 1, "command": 512, "param1": 30}
     answers = [["COMMAND_ACK", {"command": 512}], ["ATTITUDE", {"time_boot_ms": 1}]]
     asked = {"name": "ask", "send": ["COMMAND_LONG", request], "answers": answers}
-    path = write(tmp_path / "one.jsonl", [{**HEAD, "begins_s": 5, "firmware": REFERENCE.banner}, asked])
+    path = write(tmp_path / "one.jsonl", [{**HEAD, "begins_s": 5, "firmware": JULY_2025.banner}, asked])
     code, told = compared(viso, path)
     assert (code, told["comparisons"][0]["fields"]) == (0, 3)
 
 
 def test_equal_answer_is_exit_code_0(viso: Viso, tmp_path: Path) -> None:
-    path = write(tmp_path / "one.jsonl", [{**HEAD, "firmware": REFERENCE.banner}, PARAM])
+    path = write(tmp_path / "one.jsonl", [{**HEAD, "firmware": JULY_2025.banner}, PARAM])
     code, told = compared(viso, path)
     assert (code, told["comparisons"][0]["kind"]) == (0, "conversation")
 
@@ -148,7 +148,7 @@ def test_changed_vector_is_told(viso: Viso, tmp_path: Path, line: Any, field: st
 
 def test_terminal_has_a_table_of_what_differs(viso: Viso, tmp_path: Path) -> None:
     path = write(tmp_path / "one.jsonl", [CALL, [*CALL[:2], ["00000000"]]])
-    outcome = viso("compare", path, "--firmware", REFERENCE.name)
+    outcome = viso("compare", path, "--firmware", JULY_2025.name)
     assert outcome.code == 1
     assert "one.jsonl" in outcome.out
     [row] = [line for line in outcome.out.splitlines() if "line 2" in line]
@@ -191,7 +191,7 @@ def test_page_needs_nothing_else_and_quotes_what_is_recorded(viso: Viso, tmp_pat
 @pytest.mark.parametrize(
     ("told", "name"),
     [
-        ("ArduCopter 4.7.0-dev SITL x86-64", "4.7-dev"),
+        ("ArduCopter 4.7.0-dev SITL x86-64", "2025-07"),
         ("ArduCopter 4.7.0-dev of February 2026, SITL x86-64", "2026-02"),
         ("ArduCopter 4.8.0-dev (April 2026) SITL x86-64", "2026-04"),
         *((firmware.banner, name) for name, firmware in PROFILES.items()),
@@ -237,7 +237,7 @@ def begun(log: Path, folder: Path) -> Path:
 @pytest.mark.parametrize(
     ("folders", "like"),
     [
-        (["captures/mocap.jsonl.gz", "captures/voxl.jsonl.gz"], ["4.7-dev", "4.6"]),
+        (["captures/mocap.jsonl.gz", "captures/voxl.jsonl.gz"], ["2025-07", "4.6"]),
         (["2026-02/captures/t265.jsonl.gz", "2026-02/vectors"], ["2026-02"]),
         (["2026-04/captures/speedcov.jsonl.gz", "2026-04/logs/voxl.BIN.xz"], ["2026-04"]),
     ],
@@ -300,7 +300,7 @@ def test_conversations_and_logs_agree_as_what_they_name(viso: Viso) -> None:
 ])  # fmt: skip
 def test_unusable_recording_is_one_line(viso: Viso, tmp_path: Path, name: str, lines: Lines, complaint: str) -> None:
     write(tmp_path / name, lines)
-    assert failed_with(viso("compare", name, "--firmware", REFERENCE.name), complaint)
+    assert failed_with(viso("compare", name, "--firmware", JULY_2025.name), complaint)
 
 
 def test_folder_without_recordings_and_contradiction_are_one_line(viso: Viso, tmp_path: Path) -> None:

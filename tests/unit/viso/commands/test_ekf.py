@@ -19,7 +19,7 @@ from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from viso.commands import ekf as ekf_command
 from viso.compare import tolerances
 from viso.compare.tolerances import FLIGHT, TOLERANCES, Tolerance
-from viso.firmware.releases import REFERENCE, Firmware
+from viso.firmware.releases import JULY_2025, Firmware
 from viso.replay.ekf.run import EkfRun
 
 LOG = DATA / "logs" / "voxl.BIN.xz"
@@ -57,7 +57,7 @@ def known(ran: EkfRun, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     known.imus, known.our_lanes, known.recorded_lanes, known.notes = {0: 0, 1: 2}, lanes, lanes, ()
 
     def make(_log: Path, until_s: float, core: int | None, firmware: Firmware | None) -> SimpleNamespace:
-        known.core, known.firmware = core, firmware or REFERENCE
+        known.core, known.firmware = core, firmware or JULY_2025
         return known
 
     monkeypatch.setattr(ekf_command, "EkfRun", make)

@@ -121,7 +121,7 @@ def test_parameters_that_need_a_reboot_are_known() -> None:
 @pytest.mark.parametrize(("args", "line"), [
     (["--set", "VISO_TPYE=1"], "--set 'VISO_TPYE=1': unknown parameter VISO_TPYE"),
     (["--set", "VISO_SCALE"], "--set 'VISO_SCALE': not NAME=VALUE with a finite number"),
-    (["--firmware", "3.2"], "--firmware 3.2: no such profile; there are 4.6, 4.7-dev, 2026-02, 2026-04"),
+    (["--firmware", "3.2"], "--firmware 3.2: no such profile; there are 4.6, 2025-07, 2026-02, 4.7, 2026-04"),
     (["--axes", "up"], "--axes: 'up' is neither WORLD/BODY"),
     (["--rate", "0"], "--rate 0: not between 0.1 and 1000"),
 ])  # fmt: skip
@@ -146,12 +146,12 @@ def test_telemetry_log_is_replayed_with_the_parameters_and_as_the_release_in_it(
 
 
 def test_profile_of_the_firmware_may_be_named(viso: Viso) -> None:
-    assert viso("replay", *SHORT, "--firmware", "4.7-dev").code == 0
+    assert viso("replay", *SHORT, "--firmware", "2025-07").code == 0
 
 
 def test_serve_refuses_unknown_firmware_before_it_touches_anything(viso: Viso) -> None:
     assert failed_with(
-        viso("serve", "--firmware", "3.2"), "--firmware 3.2: no such profile; there are 4.6, 4.7-dev, 2026-02, 2026-04"
+        viso("serve", "--firmware", "3.2"), "--firmware 3.2: no such profile; there are 4.6, 2025-07, 2026-02, 4.7, 2026-04"
     )
     assert not Path("logs").exists()
 

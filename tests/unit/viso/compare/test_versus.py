@@ -33,7 +33,7 @@ def test_errors_that_differ_are_told_with_both_values(viso: "Viso", short: Path)
     outcome = viso("replay", str(short), "--versus", "2026-02", "--json")
     assert outcome.code == 0
     told = json.loads(outcome.out)
-    assert told["firmware"] == {"before": "4.7-dev", "after": "2026-02"}
+    assert told["firmware"] == {"before": "2025-07", "after": "2026-02"}
     [change] = told["differs"]["errors"]
     assert (change["type"], change["first"]) == ("GLOBAL_VISION_POSITION_ESTIMATE", 152)
     assert change["messages"] == told["differs"]["changed_records"] > 1
@@ -64,7 +64,7 @@ def test_what_the_filter_makes_of_other_errors_is_told(viso: "Viso", short: Path
 
 @pytest.mark.slow
 def test_releases_that_agree_differ_in_nothing(viso: "Viso", short: Path) -> None:
-    outcome = viso("replay", str(short), "--firmware", "4.6", "--versus", "4.7-dev")
+    outcome = viso("replay", str(short), "--firmware", "4.6", "--versus", "2025-07")
     assert "Errors of poses" not in outcome.out
     assert "no verdict differs" in outcome.out
     assert "records" not in outcome.out
@@ -89,4 +89,4 @@ def test_two_comparisons_at_once_are_refused(viso: "Viso", short: Path) -> None:
 def test_unknown_release_is_refused(viso: "Viso", short: Path) -> None:
     outcome = viso("replay", str(short), "--versus", "3.2")
     assert outcome.code == 2
-    assert "--versus 3.2: no such profile; there are 4.6, 4.7-dev, 2026-02" in outcome.err
+    assert "--versus 3.2: no such profile; there are 4.6, 2025-07, 2026-02, 4.7" in outcome.err

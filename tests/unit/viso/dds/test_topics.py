@@ -45,7 +45,7 @@ class KnownAhrs(AhrsBase):
         return Vector3f(0, 1, -10), Vector3f(4, 5, 6)
 
 
-def vehicle_of(firmware: str = "4.7-dev", **params: float) -> Vehicle:
+def vehicle_of(firmware: str = "2025-07", **params: float) -> Vehicle:
     vehicle = Vehicle(VehicleConfig(KnownAhrs, defaults=params, firmware=PROFILES[firmware]))
     vehicle.clock.set_us(7_000_008)
     return vehicle
@@ -103,7 +103,7 @@ def test_imu_is_in_the_firmwares_axes_with_the_scalar_first(vehicle: Vehicle) ->
     assert (imu.linear_acceleration, imu.angular_velocity) == (ros.Vector3(0.0, 1.0, -10.0), ros.Vector3(4.0, 5.0, 6.0))
 
 
-@pytest.mark.parametrize(("firmware", "first"), [("4.6", -1), ("4.7-dev", -1), ("2026-02", 0), ("2026-04", 0)])
+@pytest.mark.parametrize(("firmware", "first"), [("4.6", -1), ("2025-07", -1), ("2026-02", 0), ("2026-04", 0)])
 def test_covariances_are_unknown_or_0_by_release(firmware: str, first: float) -> None:
     imu = told(vehicle_of(firmware), "/ap/imu/experimental/data")
     assert imu.orientation_covariance == imu.linear_acceleration_covariance == [first, *[0.0] * 8]

@@ -29,7 +29,7 @@ from tests.unit.viso.doctor.vehicles import (
     transferred,
 )
 from viso.doctor import CHECKS, Finding, Severity, diagnose, gather
-from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, REFERENCE, STABLE_4_6
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, STABLE_4_6
 from viso.streams.heard import params_heard, version_heard
 from viso.streams.stream import Stream
 from viso.streams.stream_kinds import read_whole_stream
@@ -139,13 +139,13 @@ def test_session_that_is_used_again_holds_another_file(tmp_path: Path) -> None:
         ("ArduCopter V4.6.0-dev", (), STABLE_4_6),
         ("ArduSub V4.5.6 (11223344)", (), STABLE_4_6),
         ("APM:Copter V3.6-rc1 (11223344)", (), STABLE_4_6),
-        ("ArduCopter V4.7.0-dev (2b361bde)", ("ARMING_SKIPCHK",), REFERENCE),
-        ("ArduCopter V4.7.0-dev (11223344)", (), REFERENCE),
+        ("ArduCopter V4.7.0-dev (2b361bde)", ("ARMING_SKIPCHK",), JULY_2025),
+        ("ArduCopter V4.7.0-dev (11223344)", (), JULY_2025),
         ("ArduCopter V4.7.0-dev (2f511151)", (), FEBRUARY_2026),
         ("ArduCopter V4.7.0-beta2 (11223344)", ("ARMING_SKIPCHK",), FEBRUARY_2026),
         ("ArduCopter V4.8.0-dev (11223344)", (), APRIL_2026),
         ("ArduCopter V4.9.0 (11223344)", (), APRIL_2026),
-        ("EKF3 IMU0 initialised", (), REFERENCE),
+        ("EKF3 IMU0 initialised", (), JULY_2025),
     ],
 )
 def test_release_that_flew_chooses_the_profile(

@@ -18,7 +18,7 @@ from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE
 from tests.places import ROOT
 from tools import make_docs
 from viso.firmware import releases as table
-from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
 from viso.testing import Autopilot, AutopilotOptions
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ ROWS = {
 def made_up() -> Firmware:
     """Return a release that is the reference except its texts, and its errors from a covariance."""
     return replace(
-        REFERENCE,
+        JULY_2025,
         name=MADE_UP,
         date="2030-01",
         version_text="ArduCopter V9.8.7",
@@ -49,7 +49,7 @@ def made_up() -> Firmware:
         major=9,
         minor=8,
         patch=7,
-        endpoint=replace(REFERENCE.endpoint, error_formula=root_of_sum),
+        endpoint=replace(JULY_2025.endpoint, error_formula=root_of_sum),
     )
 
 
@@ -80,12 +80,12 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_profiles_are_found_by_their_names_the_oldest_first() -> None:
     assert list(PROFILES) == [one.name for one in PROFILES.values()]
-    dates = [one.date for one in PROFILES.values()]
-    assert dates == sorted(dates)
+    versions = [(one.major, one.minor) for one in PROFILES.values()]
+    assert versions == sorted(versions)
 
 
 @pytest.mark.parametrize(
-    ("firmware", "version"), [(STABLE_4_6, 0x040603FF), (REFERENCE, 0x04070000), (FEBRUARY_2026, 0x04070000)]
+    ("firmware", "version"), [(STABLE_4_6, 0x040603FF), (JULY_2025, 0x04070000), (FEBRUARY_2026, 0x04070000)]
 )
 def test_version_is_four_bytes(firmware: Firmware, version: int) -> None:
     assert firmware.sw_version == version
@@ -129,7 +129,7 @@ def test_further_release_replays_as_it_does_things(viso: "Viso", further: Firmwa
     outcome = viso("replay", str(short), "--versus", MADE_UP, "--json")
     assert outcome.code == 0
     told = json.loads(outcome.out)
-    assert told["firmware"] == {"before": REFERENCE.name, "after": MADE_UP}
+    assert told["firmware"] == {"before": JULY_2025.name, "after": MADE_UP}
     assert [change["type"] for change in told["differs"]["errors"]] == ["VISION_POSITION_ESTIMATE"]
     same = json.loads(viso("replay", str(short), "--firmware", MADE_UP, "--versus", "2026-02", "--json").out)
     assert same["differs"]["errors"] == []

@@ -11,19 +11,19 @@ from ap_core.log_structure import MSG
 from tests.places import DATA
 from tests.unit.viso.log_records import records
 from viso.firmware.log_releases import MSG_NUMBERED, number_and_piece
-from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
 from viso.logs.logger import STRUCTURES, MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 RECORDED: Final = {
-    REFERENCE.name: DATA / "logs" / "t265.BIN.xz",
+    JULY_2025.name: DATA / "logs" / "t265.BIN.xz",
     FEBRUARY_2026.name: DATA / "2026-02" / "logs" / "t265.BIN.xz",
     APRIL_2026.name: DATA / "2026-04" / "logs" / "voxl.BIN.xz",
 }
 
 recorded_firmware = pytest.mark.parametrize(
-    "firmware", [REFERENCE, FEBRUARY_2026, APRIL_2026], ids=lambda one: one.name
+    "firmware", [JULY_2025, FEBRUARY_2026, APRIL_2026], ids=lambda one: one.name
 )
 every_firmware = pytest.mark.parametrize("firmware", PROFILES.values(), ids=lambda one: one.name)
 
@@ -83,7 +83,7 @@ def test_log_describes_the_texts_that_it_holds(firmware: Firmware) -> None:
     assert texts[-1] == "hello"
 
 
-@pytest.mark.parametrize("firmware", [STABLE_4_6, REFERENCE], ids=lambda one: one.name)
+@pytest.mark.parametrize("firmware", [STABLE_4_6, JULY_2025], ids=lambda one: one.name)
 def test_texts_have_no_numbers_before_2026(firmware: Firmware) -> None:
     assert firmware.log.message is MSG
 
@@ -106,7 +106,7 @@ def test_text_is_cut_to_its_field(firmware: Firmware) -> None:
 
 
 def test_layouts_of_a_release_are_all_of_them_in_the_same_order() -> None:
-    assert tuple(map(REFERENCE.log.own, STRUCTURES)) == STRUCTURES
+    assert tuple(map(JULY_2025.log.own, STRUCTURES)) == STRUCTURES
     later = [APRIL_2026.log.own(one) for one in STRUCTURES]
     assert [one.name for one in later] == [one.name for one in STRUCTURES]
     assert MSG_NUMBERED in later

@@ -10,7 +10,7 @@ import pytest
 
 from ap_core.param import ParamTable
 from viso.errors import InputError
-from viso.firmware.releases import FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
 from viso.parameters.conversion import CarriedOver, carry_over, name_here, skip_instead_of_check
 from viso.parameters.releases import ALL_RENAMES, MAX_LINKS, SR_LINKS, checks_not_skipped
 from viso.parameters.store import MemoryParamStore, ParamStore
@@ -36,7 +36,7 @@ def table(firmware: Firmware, links: int = 2) -> ParamTable:
     return ParamTable(make_groups(links, None, firmware.params))
 
 
-def carried(values: dict[str, float], firmware: Firmware = REFERENCE, links: int = 2) -> CarriedOver:
+def carried(values: dict[str, float], firmware: Firmware = JULY_2025, links: int = 2) -> CarriedOver:
     return carry_over(values, table(firmware, links), firmware.params.renames)
 
 
@@ -104,7 +104,7 @@ def test_options_that_need_not_move_stay(given: dict[str, float]) -> None:
 def test_name_of_another_release_is_known() -> None:
     assert name_here("MAV_SYSID", table(STABLE_4_6), ALL_RENAMES) == "SYSID_THISMAV"
     assert name_here("ARMING_CHECK", table(FEBRUARY_2026), ALL_RENAMES) == "ARMING_SKIPCHK"
-    assert name_here("NO_SUCH", table(REFERENCE), ALL_RENAMES) is None
+    assert name_here("NO_SUCH", table(JULY_2025), ALL_RENAMES) is None
 
 
 # Files
@@ -172,7 +172,7 @@ def test_carried_over_names_are_not_told_as_unknown(tmp_path: Path, caplog: pyte
     path = tmp_path / "storage.parm"
     path.write_text("# mine\nSYSID_THISMAV 7\nNO_SUCH 1\n")
     store = ParamStore(path)
-    store.restore(table(REFERENCE), REFERENCE.params.renames)
+    store.restore(table(JULY_2025), JULY_2025.params.renames)
     assert caplog.messages == [f"{path}: unknown parameters, kept in the file: NO_SUCH"]
     assert store.unknown == {"SYSID_THISMAV": 7, "NO_SUCH": 1}
 
@@ -197,7 +197,7 @@ def test_later_vehicle_skips_what_it_is_told_to() -> None:
     assert vehicle.copter.arming.enabled_checks() == 0
 
 
-@pytest.mark.parametrize("firmware", [REFERENCE, STABLE_4_6], ids=lambda one: one.name)
+@pytest.mark.parametrize("firmware", [JULY_2025, STABLE_4_6], ids=lambda one: one.name)
 def test_links_have_parameters_up_to_a_number(firmware: Firmware) -> None:
     with pytest.raises(ValueError, match="link 9: there are parameters for links 1 to 8"):
         table(firmware, MAX_LINKS + 1)

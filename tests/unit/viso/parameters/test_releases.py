@@ -13,12 +13,12 @@ from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
 from tests.places import DATA
 from tests.unit.viso.log_records import records
-from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, PROFILES, REFERENCE, STABLE_4_6, Firmware
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
 from viso.parameters import flying
 from viso.parameters.table import make_groups
 
 RECORDED: Final = {
-    REFERENCE.name: DATA / "logs" / "t265.BIN.xz",
+    JULY_2025.name: DATA / "logs" / "t265.BIN.xz",
     FEBRUARY_2026.name: DATA / "2026-02" / "logs" / "t265.BIN.xz",
     APRIL_2026.name: DATA / "2026-04" / "logs" / "voxl.BIN.xz",
 }
@@ -42,7 +42,7 @@ RECORDED_SET_UP: Final = {
 SIMULATED: Final = ("FLTMODE", "FRAME_TYPE", "COMPASS_OFS", "INS_ACCOFFS", "BATT_MONITOR", "RC")
 """Of the simulated vehicle alone: flight modes, offsets and ranges of its sensors and sticks."""
 recorded_firmware = pytest.mark.parametrize(
-    "firmware", [REFERENCE, FEBRUARY_2026, APRIL_2026], ids=lambda one: one.name
+    "firmware", [JULY_2025, FEBRUARY_2026, APRIL_2026], ids=lambda one: one.name
 )
 
 
@@ -87,9 +87,9 @@ def test_defaults_are_those_of_the_recorded_release(firmware: Firmware) -> None:
 def test_parameters_that_came_and_went() -> None:
     names = {name: {param.name for param in table(one)} for name, one in PROFILES.items()}
     moved = {name: rename.new for name, rename in flying.RENAMES.items()}
-    assert names[FEBRUARY_2026.name] - names[REFERENCE.name] == SINCE_FEBRUARY | {*moved.values()}
-    assert names[REFERENCE.name] - names[FEBRUARY_2026.name] == {"ARMING_CHECK", "EK3_MAX_FLOW", *moved}
-    gone = {name for name in names[STABLE_4_6.name] - names[REFERENCE.name] if not name.startswith("SR")}
+    assert names[FEBRUARY_2026.name] - names[JULY_2025.name] == SINCE_FEBRUARY | {*moved.values()}
+    assert names[JULY_2025.name] - names[FEBRUARY_2026.name] == {"ARMING_CHECK", "EK3_MAX_FLOW", *moved}
+    gone = {name for name in names[STABLE_4_6.name] - names[JULY_2025.name] if not name.startswith("SR")}
     assert gone == {"SYSID_THISMAV", "SYSID_MYGCS", "SYSID_ENFORCE", "TELEM_DELAY"}
 
 
@@ -103,7 +103,7 @@ def test_ground_stations_in_charge_are_a_range_of_ids(first: int, last: int, acc
     assert {number for number in range(256) if names.is_ground_station(params, number)} == accepted
 
 
-@pytest.mark.parametrize("firmware", [STABLE_4_6, REFERENCE], ids=lambda one: one.name)
+@pytest.mark.parametrize("firmware", [STABLE_4_6, JULY_2025], ids=lambda one: one.name)
 def test_one_ground_station_was_in_charge_before(firmware: Firmware) -> None:
     params, names = table(firmware), firmware.endpoint.params
     params.set(names.ground_station_id, 250)

@@ -13,7 +13,7 @@ import pytest
 from mav_handlers.links import read_tlog
 from tests.unit.viso.recording.fake_autopilot import read_lines
 from viso.compare.recordings import compare_recording
-from viso.firmware.releases import PROFILES, REFERENCE
+from viso.firmware.releases import JULY_2025, PROFILES
 from viso.recording.driving import record_viso
 from viso.recording.outputs import FILES, write_recording
 from viso.recording.recorder import Recorder
@@ -57,7 +57,7 @@ steps:
 }
 
 
-def record(scenario: Scenario, folder: Path, firmware: str = REFERENCE.name) -> None:
+def record(scenario: Scenario, folder: Path, firmware: str = JULY_2025.name) -> None:
     """Record a vehicle of viso into a folder."""
     recorder = Recorder(scenario)
     record_viso(recorder, PROFILES[firmware])
@@ -65,7 +65,7 @@ def record(scenario: Scenario, folder: Path, firmware: str = REFERENCE.name) -> 
     write_recording(folder, recorder.recording)
 
 
-def deviations(folder: Path, name: str, firmware: str = REFERENCE.name) -> list[str]:
+def deviations(folder: Path, name: str, firmware: str = JULY_2025.name) -> list[str]:
     """Return how a recording differs from what viso makes of it; its first line has to name the release."""
     comparison = compare_recording(folder / f"{name}.jsonl.gz")
     assert comparison.firmware == firmware
@@ -146,7 +146,7 @@ def test_telemetry_log_has_frames_both_ways(quick: Quick) -> None:
 @pytest.mark.parametrize(
     ("name", "firmware"),
     [
-        *((name, REFERENCE.name) for name in SCENARIOS if name != "flight"),
+        *((name, JULY_2025.name) for name in SCENARIOS if name != "flight"),
         *((name, firmware) for name in ("mocap", "speedcov", "t265") for firmware in ("4.6", "2026-02", "2026-04")),
     ],
 )

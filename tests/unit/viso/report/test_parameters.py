@@ -45,7 +45,7 @@ def test_what_is_about_vision_is_told_apart(found: ParameterFacts) -> None:
     assert [one.name for one in found.changed if not one.about_vision] == ["WPNAV_RADIUS"]
 
 
-@pytest.mark.parametrize(("name", "firmware_default"), [("4.6", 1.0), ("4.7-dev", math.nan), ("2026-02", math.nan)])
+@pytest.mark.parametrize(("name", "firmware_default"), [("4.6", 1.0), ("2025-07", math.nan), ("2026-02", math.nan)])
 def test_defaults_are_those_of_the_release(tmp_path: Path, name: str, firmware_default: float) -> None:
     maker = LogMaker()
     maker.parameter("SYSID_THISMAV", 3, 2)

@@ -14,7 +14,7 @@ from viso.sweep.store import table_rows
 def made_plan(*axes: Axis, sampling: Sampling | None = None, imu: str = "log:a.BIN", **others: Any) -> SweepPlan:
     """Return a plan whose files nobody reads."""
     recorded = Recorded("one", InputFile("/one.tum", "0" * 64), imu)
-    return SweepPlan((recorded,), axes, {"4.7-dev": {}}, ("4.7-dev",), sampling=sampling, **others)
+    return SweepPlan((recorded,), axes, {"2025-07": {}}, ("2025-07",), sampling=sampling, **others)
 
 
 def made_rows(plan: SweepPlan, nis: Callable[..., float | None], **figures: float | None) -> list[dict[str, Any]]:

@@ -24,7 +24,7 @@ def recorded(name: str) -> Recorded:
 
 @pytest.fixture
 def plan() -> SweepPlan:
-    return SweepPlan((recorded("one"),), (A, B), {"4.7-dev": {}}, ("4.7-dev",))
+    return SweepPlan((recorded("one"),), (A, B), {"2025-07": {}}, ("2025-07",))
 
 
 def test_grid_has_every_combination_once_the_last_axis_fastest(plan: SweepPlan) -> None:
@@ -37,7 +37,7 @@ def test_streams_firmware_faults_and_seeds_multiply(plan: SweepPlan) -> None:
     more = replace(
         plan,
         recordings=(recorded("one"), recorded("two")),
-        firmware=("4.6", "4.7-dev"),
+        firmware=("4.6", "2025-07"),
         faults=(Faults(), Faults("bad", "faults: []")),
         seeds=(1, 2, 3),
     )

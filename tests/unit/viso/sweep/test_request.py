@@ -20,7 +20,7 @@ WHOLE = """
 streams = ["mav.jsonl.gz", "other/t265.jsonl.gz"]
 faults = ["none", "loss.yaml"]
 seeds = [1, 2]
-firmware = ["4.6", "4.7-dev"]
+firmware = ["4.6", "2025-07"]
 imu = "log:logs/{name}.BIN.xz"
 reference = "logs/{name}.BIN.xz"
 baud = 0
@@ -67,11 +67,11 @@ def test_toml_file_says_it_all_with_paths_beside_it(whole: Path, tmp_path: Path)
     assert plan.recordings[1].reference == f"{tmp_path}/logs/t265.BIN.xz"
     assert [len(one.others) for one in plan.recordings] == [1, 1]
     assert [one.name for one in plan.faults] == ["none", f"{tmp_path}/loss.yaml"]
-    assert (plan.seeds, plan.firmware, plan.baud, plan.until_s) == ((1, 2), ("4.6", "4.7-dev"), 0, 20.0)
+    assert (plan.seeds, plan.firmware, plan.baud, plan.until_s) == ((1, 2), ("4.6", "2025-07"), 0, 20.0)
     assert [axis.values for axis in plan.axes] == [(0.0, 10.0, 20.0), (300.0, 500.0)]
     assert {name: dict(values) for name, values in plan.settings.items()} == {
         "4.6": {"VISO_SCALE": 1.5},
-        "4.7-dev": {"VISO_SCALE": 1.5},
+        "2025-07": {"VISO_SCALE": 1.5},
     }
 
 

@@ -24,8 +24,8 @@ from viso.sweep.store import CSV, DEFINITION, JOURNAL, PARQUET, SweepFolder, col
 PLAN = SweepPlan(
     (Recorded("one", InputFile("/one.tum", "0" * 64), "follow"),),
     (Axis("VISO_DELAY_MS", (0.0, 10.0, 20.0, 30.0)),),
-    {"4.7-dev": {}},
-    ("4.7-dev",),
+    {"2025-07": {}},
+    ("2025-07",),
 )
 
 
@@ -98,7 +98,7 @@ def test_another_definition_is_refused_and_says_what_differs(tmp_path: Path) -> 
     (lambda plan: replace(plan, axes=(Axis("VISO_SCALE", (1.0,)),)), "set.VISO_DELAY_MS was"),
     (lambda plan: replace(plan, seeds=(1,)), "seeds was [null], now it is [1]"),
     (lambda plan: replace(plan, code="2"), 'code was "", now it is "2"'),
-    (lambda plan: replace(plan, settings={"4.7-dev": {"VISO_TYPE": 1.0}}), "settings.4.7-dev.VISO_TYPE was not there"),
+    (lambda plan: replace(plan, settings={"2025-07": {"VISO_TYPE": 1.0}}), "settings.2025-07.VISO_TYPE was not there"),
     (
         lambda plan: replace(plan, recordings=(replace(plan.recordings[0], file=InputFile("/one.tum", "1" * 64)),)),
         "streams.one.files.one.tum was",

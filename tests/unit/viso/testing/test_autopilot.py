@@ -175,7 +175,7 @@ def test_parameters_that_there_are_not_are_refused(autopilot: Autopilot) -> None
     ("firmware", "params", "read"),
     [
         ("4.6", {"SYSID_THISMAV": 7, "ARMING_CHECK": 0}, {"SYSID_THISMAV": 7, "ARMING_CHECK": 0}),
-        ("4.7-dev", {"SYSID_THISMAV": 7, "ARMING_CHECK": 0}, {"MAV_SYSID": 7, "ARMING_CHECK": 0}),
+        ("2025-07", {"SYSID_THISMAV": 7, "ARMING_CHECK": 0}, {"MAV_SYSID": 7, "ARMING_CHECK": 0}),
         ("2026-02", {"SYSID_THISMAV": 7, "ARMING_CHECK": 0}, {"MAV_SYSID": 7, "ARMING_SKIPCHK": -1}),
         ("2026-02", {"MAV_SYSID": 7, "ARMING_SKIPCHK": 2}, {"MAV_SYSID": 7, "ARMING_SKIPCHK": 2}),
     ],

@@ -23,7 +23,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from tests.unit.viso.conftest import read_log
-from viso.firmware.releases import PROFILES, REFERENCE, Firmware
+from viso.firmware.releases import JULY_2025, PROFILES, Firmware
 from viso.logs.logger import MemoryLog
 from viso.replay.ekf.run import EkfRun
 from viso.running.virtual_time import Scheduler
@@ -72,7 +72,7 @@ GUIDED, ARM, TAKE_OFF = 4, 400, 22
 class Parked:
     """A vehicle from boot on, above which nothing moves; its sensors are heard 25 times per second."""
 
-    def __init__(self, params: Mapping[str, float], firmware: Firmware = REFERENCE) -> None:
+    def __init__(self, params: Mapping[str, float], firmware: Firmware = JULY_2025) -> None:
         self.log = MemoryLog()
         moved = by_ekf3(FollowSource, ImuOptions())  # by nobody, as no pose comes in
         self.vehicle = Vehicle(VehicleConfig(moved, defaults=params, open_log=lambda: self.log, firmware=firmware))

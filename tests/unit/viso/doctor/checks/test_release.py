@@ -15,8 +15,8 @@ from viso.doctor import Finding
 from viso.firmware.releases import PROFILES
 
 DIAGONAL = (0, 6, 11, 15, 18, 20)
-EARLIER = ("4.6", "4.7-dev")
-SINCE_FEBRUARY = ("2026-02", "2026-04")
+EARLIER = ("4.6", "2025-07")
+SINCE_FEBRUARY = ("2026-02", "4.7", "2026-04")
 LATER = SINCE_FEBRUARY[0]
 every_firmware = pytest.mark.parametrize("firmware", PROFILES)
 
@@ -75,7 +75,7 @@ def test_covariance_of_motion_capture_that_is_not_read_is_named(firmware: str) -
 
 @pytest.mark.parametrize("values", [(0.0,) * 21, (math.nan,) * 21])
 def test_motion_capture_without_covariance_is_no_finding(values: tuple[float, ...]) -> None:
-    assert "XN5-32" not in found(mocap(values), "4.7-dev")
+    assert "XN5-32" not in found(mocap(values), "2025-07")
 
 
 @every_firmware

@@ -21,7 +21,7 @@ from ekf_stub.core.samples import RingSizes
 from ekf_stub.inputs.measurements import numbers_of
 from ekf_stub.inputs.sensors import Sensors, SensorSource
 from ekf_stub.log.reporting import report_of
-from ekf_stub.release import REFERENCE
+from ekf_stub.release import JULY_2025
 from ekf_stub.reports import CoreReport, words_of
 from viso.parameters.ekf3 import FLOW_LIMIT_LATER
 from viso.parameters.table import make_groups
@@ -59,7 +59,7 @@ class FilterLoop:
         for name in ("POSXY", "VELXY", "POSZ", "VELZ", "YAW"):
             table.set(f"EK3_SRC1_{name}", params.get(f"EK3_SRC1_{name}", EXT_NAV))
         core_params = Params()
-        renamed = {FLOW_LIMIT_LATER: REFERENCE.flow_limit}
+        renamed = {FLOW_LIMIT_LATER: JULY_2025.flow_limit}
         core_params.read(lambda name: table.get_number(f"EK3_{renamed.get(name, name)}"))
         imus = Imus()
         imus.imus[0].has_data = True
@@ -68,7 +68,7 @@ class FilterLoop:
             core_params,
             EkfSources(lambda name: table.get_int(f"EK3_{name}")),
             RingSizes(LONGEST_DELAY_MS, False),
-            REFERENCE,
+            JULY_2025,
             imus,
             [0],
             [0],
