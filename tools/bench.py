@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from mav_handlers.wire.messages import ODOMETRY
 
 VISO: Final = (sys.executable, "-c", "from viso.cli import main; main()")
-CAPTURE: Final = ROOT / "tests/data/captures/flight_t265.jsonl.gz"
+CAPTURE: Final = ROOT / "tests/data/parity/2025-07/captures/flight_t265.jsonl.gz"
 PERIOD_US: Final = 33_333
 MESSAGES_A_SECOND: Final = 30
 WARM_UP_MESSAGES: Final = 400

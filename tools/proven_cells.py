@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Return which differences of a release its recordings prove: ``python -m tools.proven_cells tests/data/2026-04``.
+"""Return which differences of a release its recordings prove: ``python -m tools.proven_cells FOLDER``.
 
 Each strategy in which a profile differs from another one is put back to the other's, one at a time. Where a recording
 then comes out otherwise, it proves that strategy; docs/firmware.md calls what none proves "read".

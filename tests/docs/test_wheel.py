@@ -13,12 +13,12 @@ from typing import Final
 import pytest
 
 from ap_core.native import PURE_VARIABLE
-from tests.places import DATA, ROOT
+from tests.places import DATA, RECORDED, ROOT
 
 OURS: Final = {"viso", "ap_core", "ap_visualodom", "ekf_stub", "mav_handlers"}
 MOST_BYTES: Final = 250_000_000
 TRAJECTORY: Final = str(DATA / "trajectories" / "flight.tum")
-FLIGHT: Final = str(DATA / "captures" / "t265.jsonl.gz")
+FLIGHT: Final = str(RECORDED / "captures" / "t265.jsonl.gz")
 TEST: Final = """
 import companion, emulator, tools
 def test_of_its_own(extnav_autopilot):

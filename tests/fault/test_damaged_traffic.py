@@ -11,7 +11,7 @@ import pytest
 
 from ap_core.verdict import VerdictKind
 from mav_handlers.endpoint import MessageEvent
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.streams.stream_kinds import StreamMessage, read_capture
 
 if TYPE_CHECKING:
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.slow
 
-CAPTURES = sorted((DATA / "captures").glob("*.jsonl.gz"))
+CAPTURES = sorted((RECORDED / "captures").glob("*.jsonl.gz"))
 FRAMES = 300
 # The beginning of one of them stands for the rest unless there is time.
-SHORTENED, FEW_FRAMES = DATA / "captures" / "mav.jsonl.gz", 80
+SHORTENED, FEW_FRAMES = RECORDED / "captures" / "mav.jsonl.gz", 80
 
 Damage = Callable[[list[bytes], random.Random], list[bytes]]
 

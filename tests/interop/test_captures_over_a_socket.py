@@ -20,19 +20,19 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.compare.tolerances import TEXT_EXCEPTIONS
 from viso.replay.feed import batches
 from viso.streams.stream_kinds import Stream, read_stream
 
 pytestmark = pytest.mark.interop
 
-NAMES = sorted(path.name.removesuffix(".jsonl.gz") for path in (DATA / "captures").glob("*.jsonl.gz"))
+NAMES = sorted(path.name.removesuffix(".jsonl.gz") for path in (RECORDED / "captures").glob("*.jsonl.gz"))
 
 
 def header_of(name: str) -> dict[str, Any]:
     """Return the first line of a capture: parameters, recorded texts and answers."""
-    with gzip.open(DATA / "captures" / f"{name}.jsonl.gz", "rt", encoding="utf-8") as file:
+    with gzip.open(RECORDED / "captures" / f"{name}.jsonl.gz", "rt", encoding="utf-8") as file:
         header: dict[str, Any] = json.loads(file.readline())
     return header
 
@@ -153,8 +153,8 @@ def connect(port: int) -> socket.socket:
 
 
 def play(name: str, folder: Path) -> Played:
-    capture, header = DATA / "captures" / f"{name}.jsonl.gz", header_of(name)
-    attitude = ["--ahrs", str(DATA / "logs" / f"{name}.BIN.xz")] if name in ALIGNED else []
+    capture, header = RECORDED / "captures" / f"{name}.jsonl.gz", header_of(name)
+    attitude = ["--ahrs", str(RECORDED / "logs" / f"{name}.BIN.xz")] if name in ALIGNED else []
     port = free_port()
     command = [sys.executable, "-c", "from viso.cli import main; main()", "serve"]
     command += ["--master", f"tcpin:127.0.0.1:{port}", "--speedup", str(SPEEDUP), "--baud", str(UART_BAUD)]

@@ -24,7 +24,7 @@ from selenium.webdriver.support.wait import WebDriverWait
 from mav_handlers.verdicts import ODOMETRY_FRAMES
 from tests.interop import programs
 from tests.interop.programs import LIMIT_S, SESSION_S, Autopilot, Companion, autopilot, running
-from tests.places import DATA
+from tests.places import RECORDED
 
 pytestmark = pytest.mark.interop
 
@@ -368,9 +368,9 @@ def test_page_says_so_when_the_vehicle_ends_and_keeps_nothing_from_ending(driver
         page.wait_text("#connection", "^not connected")
 
 
-LOG = DATA / "logs" / "flight_t265.BIN.xz"
-CAPTURE = DATA / "captures" / "dropout.jsonl.gz"
-WITHOUT_VISION = DATA / "logs" / "flow_take_off.BIN.xz"
+LOG = RECORDED / "logs" / "flight_t265.BIN.xz"
+CAPTURE = RECORDED / "captures" / "dropout.jsonl.gz"
+WITHOUT_VISION = RECORDED / "logs" / "flow_take_off.BIN.xz"
 PAINTED = """
 const { width, height } = document.querySelector(arguments[0]);
 const data = document.querySelector(arguments[0]).getContext('2d').getImageData(0, 0, width, height).data;

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.places import DATA
+from tests.places import PARITY
 from viso.compare.captures import Capture, Played, play, read_recorded
-from viso.firmware.releases import JULY_2025, PROFILES
+from viso.firmware.releases import PROFILES
 from viso.logs.files import single_log
 
 
@@ -19,7 +19,7 @@ from viso.logs.files import single_log
 class Replayed:
     """What the firmware made of a capture, and what we make of it.
 
-    ``name`` is the capture's, after that of its release where that is not the reference; ``log`` is our DataFlash log.
+    ``name`` is the capture's, after that of its release; ``log`` is our DataFlash log.
     """
 
     name: str
@@ -30,18 +30,18 @@ class Replayed:
 
 @pytest.fixture(scope="session")
 def replayed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Replayed]:
-    """Return a function that plays a capture by its name; with the firmware's attitude where that log is kept.
+    """Return a function that plays a capture by its release and name, such as ``2026-02/mav``.
 
-    A name such as ``2026-02/mav`` has a release before it, which the vehicle then is.
+    The attitude is the firmware's where that log is kept.
     """
     folder = tmp_path_factory.mktemp("replayed")
 
     @cache
     def run(name: str) -> Replayed:
-        release, _, stem = name.rpartition("/")
-        capture, log = DATA / release / "captures" / f"{stem}.jsonl.gz", folder / f"{release}{stem}.BIN"
+        release, _, stem = name.partition("/")
+        capture, log = PARITY / release / "captures" / f"{stem}.jsonl.gz", folder / f"{release}{stem}.BIN"
         with single_log(log) as open_log:
-            ours = play(capture, PROFILES[release] if release else JULY_2025, open_log=open_log)
+            ours = play(capture, PROFILES[release], open_log=open_log)
         return Replayed(name, read_recorded(capture), ours, log)
 
     return run

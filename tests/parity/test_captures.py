@@ -13,27 +13,26 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM
-from tests.places import DATA
+from tests.places import PARITY
 from viso.compare.captures import Capture, ack_differences, record_differences, text_differences
 from viso.compare.differences import Difference, is_equal
 from viso.compare.recordings import kind_of
 from viso.compare.tolerances import ABOUT_VISUAL_ODOM, CAPTURE, tolerances_of
-from viso.firmware.releases import JULY_2025
 
 if TYPE_CHECKING:
     from tests.parity.conftest import Replayed
 
 # How many messages each capture holds, and how many records the firmware made of them.
 CAPTURES = {
-    "dropout": (1102, 2202),
-    "flight_mav_extyaw": (3513, 3498),
-    "flight_t265": (1929, 3828),
-    "flight_voxl_reset": (1929, 3828),
-    "mav": (1450, 1449),
-    "mocap": (706, 705),
-    "prearm": (995, 1948),
-    "t265": (1025, 1990),
-    "voxl": (915, 1828),
+    "2025-07/dropout": (1102, 2202),
+    "2025-07/flight_mav_extyaw": (3513, 3498),
+    "2025-07/flight_t265": (1929, 3828),
+    "2025-07/flight_voxl_reset": (1929, 3828),
+    "2025-07/mav": (1450, 1449),
+    "2025-07/mocap": (706, 705),
+    "2025-07/prearm": (995, 1948),
+    "2025-07/t265": (1025, 1990),
+    "2025-07/voxl": (915, 1828),
     "2026-02/mav": (1459, 1458),
     "2026-02/mocap_covariance": (507, 506),
     "2026-02/t265": (1035, 2010),
@@ -50,7 +49,7 @@ Line = dict[str, Any]
 
 ANY = "2026-02/mocap_covariance"
 """A short one of the MAV backend, which depends on nothing that the vehicle knows."""
-USUAL = {ANY, "t265", "voxl"}
+USUAL = {ANY, "2025-07/t265", "2025-07/voxl"}
 """One of each backend; the usual run takes these."""
 
 
@@ -93,11 +92,11 @@ def test_results_of_commands_are_the_firmwares(run: "Replayed") -> None:
 
 
 def test_release_is_told_by_the_capture_or_the_log_beside_it(run: "Replayed") -> None:
-    release, _, stem = run.name.rpartition("/")
-    path = DATA / release / "captures" / f"{stem}.jsonl.gz"
+    release, _, stem = run.name.partition("/")
+    path = PARITY / release / "captures" / f"{stem}.jsonl.gz"
     told = kind_of(path).firmware_of(path)
     assert told is not None
-    assert told.name == (release or JULY_2025.name)
+    assert told.name == release
 
 
 def test_every_message_has_a_verdict_with_a_reason(run: "Replayed") -> None:
@@ -158,7 +157,7 @@ def test_one_wrong_bit_is_one_difference(replayed: Replays, field: str) -> None:
     assert [one.field for one in mutated(replayed(ANY), field, flipped)] == [f"VISP.{field}"]
 
 
-@pytest.mark.parametrize("name", [ANY, "t265"])
+@pytest.mark.parametrize("name", [ANY, "2025-07/t265"])
 @pytest.mark.parametrize("field", ["TimeUS", "RTimeUS", "Rst", "Ign", "Q"])
 def test_wrong_integer_is_a_difference(replayed: Replays, name: str, field: str) -> None:
     assert len(mutated(replayed(name), field, lambda value: value + 1)) == 1
@@ -171,11 +170,11 @@ def test_corrected_time_may_differ_by_three_milliseconds(replayed: Replays, by_m
 
 @pytest.mark.parametrize(("field", "by", "count"), [("PX", 1e-3, 0), ("PX", 3e-3, 1), ("Y", 0.1, 0), ("Y", 0.3, 1)])
 def test_aligned_pose_may_differ_by_its_tolerance(replayed: Replays, field: str, by: float, count: int) -> None:
-    assert len(mutated(replayed("t265"), field, lambda bits: bits_of(float_of(bits) + by))) == count
+    assert len(mutated(replayed("2025-07/t265"), field, lambda bits: bits_of(float_of(bits) + by))) == count
 
 
 def test_errors_of_an_aligned_pose_are_exact(replayed: Replays) -> None:
-    assert len(mutated(replayed("t265"), "PErr", flipped)) == 1
+    assert len(mutated(replayed("2025-07/t265"), "PErr", flipped)) == 1
 
 
 def test_yaw_is_compared_across_north() -> None:
@@ -212,7 +211,7 @@ def changed_text(run: "Replayed", texts: list[list[Any]]) -> list[Difference]:
 
 
 def test_changed_missing_and_graver_text_are_differences(replayed: Replays) -> None:
-    run = replayed("voxl")
+    run = replayed("2025-07/voxl")
     texts = run.recorded.header["statustext"]
     index = next(index for index, (_, text) in enumerate(texts) if text == "VisOdom: reset")
     severity, text = texts[index]
@@ -226,7 +225,7 @@ def test_changed_missing_and_graver_text_are_differences(replayed: Replays) -> N
 
 
 def test_changed_and_missing_acknowledgement_are_differences(replayed: Replays) -> None:
-    acks = replayed("t265").ours.acks
+    acks = replayed("2025-07/t265").ours.acks
     assert list(ack_differences(acks, acks)) == []
     [(command, result)] = acks
     assert [one.recorded for one in ack_differences([(command, result + 1)], acks)] == [

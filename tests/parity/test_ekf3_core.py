@@ -14,18 +14,21 @@ from typing import Final
 import numpy as np
 import pytest
 
-from tests.parity.behaviours.logs import LOGS, Recordings, recordings_of_run
+from tests.parity.behaviours.logs import Recordings, log_path, recordings_of_run
+from tests.places import PARITY
 from viso.compare.estimates import compare_estimates
 from viso.compare.logs import estimate_differences
 from viso.compare.tolerances import kind_of_log, log_name
 from viso.errors import InputError
 from viso.replay.ekf.run import EkfReplay, replay_ekf
 
-NAMES: Final = sorted(log_name(path) for path in LOGS.glob("*.BIN.xz"))
-SHORTEST: Final = "bench_no_yaw_source"
+NAMES: Final = sorted(f"{path.parts[-3]}/{log_name(path)}" for path in PARITY.glob("*/logs/*.BIN.xz"))
+"""All logs, each after the release that the filter is then of."""
+
+SHORTEST: Final = "2025-07/bench_no_yaw_source"
 """The usual run takes this one whole."""
 
-FLOW: Final = "flow_take_off", 5.2
+FLOW: Final = "2025-07/flow_take_off", 5.2
 """The usual run takes the beginning of this one as well, up to so many s since boot: it has flow and ranges."""
 
 
@@ -46,21 +49,21 @@ def check(run: EkfReplay) -> None:
 def test_whole_log_is_the_firmwares(name: str, recordings: Recordings) -> None:
     run = recordings.replay(name)
     check(run)
-    comparison = compare_estimates(run, kind_of_log(Path(name)))
+    comparison = compare_estimates(run, kind_of_log(log_path(name)))
     assert len(run.time_s) > 90
     assert [target for target in comparison.checks if not target.passed] == []
 
 
 def test_beginning_of_a_log_with_flow_is_the_firmwares() -> None:
     name, until_s = FLOW
-    run = replay_ekf(LOGS / f"{name}.BIN.xz", until_s=until_s)
+    run = replay_ekf(log_path(name), until_s=until_s)
     assert run.time_s[-1] > until_s - 0.2
     check(run)
 
 
 @pytest.mark.slow
 def test_same_log_gives_the_same_estimates(recordings: Recordings) -> None:
-    first, again = recordings.replay(SHORTEST).until(8.0), replay_ekf(LOGS / f"{SHORTEST}.BIN.xz", until_s=8.0)
+    first, again = recordings.replay(SHORTEST).until(8.0), replay_ekf(log_path(SHORTEST), until_s=8.0)
     assert all(np.array_equal(again.ours[label], first.ours[label]) for label in again.ours)
     assert again.our_texts == first.our_texts
 

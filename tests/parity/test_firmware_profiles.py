@@ -13,7 +13,7 @@ from typing import Any, Final
 import pytest
 
 from ap_visualodom.log_structure import VISP, VISV
-from tests.places import DATA
+from tests.places import PARITY
 from viso.compare.estimates import compare_estimates
 from viso.compare.tolerances import FLIGHT, end_s
 from viso.compare.vectors import line_differences
@@ -25,9 +25,9 @@ from viso.streams.stream_kinds import read_stream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 LABELS: Final = {label: index for index, label in enumerate(VISP.fields, 1)}
-LATER = DATA / "2026-02"
+LATER = PARITY / "2026-02"
 REFERENCE_VECTORS = LATER.parent / "vectors" / "visual_odom.jsonl.gz"
-APRIL_LOG = DATA / "2026-04" / "logs" / "voxl.BIN.xz"
+APRIL_LOG = PARITY / "2026-04" / "logs" / "voxl.BIN.xz"
 SPEEDS = 90
 VERR, IGNORED = (2 + VISV.fields.index(label) for label in ("VErr", "Ign"))
 SCENARIOS, STEPS = 306, 41113
@@ -183,7 +183,7 @@ def test_filter_of_an_earlier_release_says_otherwise_over_a_later_log(firmware: 
 
 
 def test_velocity_has_the_error_of_its_covariance_since_april() -> None:
-    capture = DATA / "2026-04" / "captures" / "speedcov.jsonl.gz"
+    capture = PARITY / "2026-04" / "captures" / "speedcov.jsonl.gz"
     with gzip.open(capture, "rt", encoding="utf-8") as file:
         recorded = [vel_errors(json.loads(line)["out"]) for line in islice(file, 1, 1 + SPEEDS)]
     april, february = (map(vel_errors, records_of(capture, SPEEDS, one)) for one in (APRIL_2026, FEBRUARY_2026))

@@ -17,7 +17,7 @@ import pytest
 
 from mav_handlers.wire.codec import Codec, Received, message_id
 from mav_handlers.wire.messages import COMMAND_ACK, EXTENDED_SYS_STATE, HEARTBEAT, Message
-from tests.places import DATA
+from tests.places import DATA, RECORDED
 from viso.logs.filter_records import rows_of
 from viso.logs.logger import MemoryLog
 from viso.logs.recorded import read_columns
@@ -97,9 +97,9 @@ class Flight:
 
 def fly(name: str, folder: Path, vicon_mask: int, fails_s: float | None = None) -> Flight:
     """Fly as in a recording, with a camera that sends what ``vicon_mask`` says, until it fails."""
-    with gzip.open(DATA / "captures" / f"{name}.jsonl.gz", "rt") as lines:
+    with gzip.open(RECORDED / "captures" / f"{name}.jsonl.gz", "rt") as lines:
         head, *rows = map(json.loads, lines)
-    firmware = events_in(DATA / "logs" / f"{name}.BIN.xz")
+    firmware = events_in(RECORDED / "logs" / f"{name}.BIN.xz")
     obeyed_s = iter(firmware.commands_s())
     params = {key: value for key, value in head["params"].items() if key not in COVERS}
     log = MemoryLog()

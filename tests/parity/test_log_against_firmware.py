@@ -16,18 +16,20 @@ from typing import TYPE_CHECKING, NamedTuple
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
-from tests.places import DATA
+from tests.places import PARITY
 from viso.compare.differences import Difference, Row, row_differences
-from viso.compare.tolerances import CAPTURE, CAPTURE_LOG, tolerances_of
+from viso.compare.tolerances import CAPTURE, CAPTURE_LOG, log_name, tolerances_of
 
 if TYPE_CHECKING:
     from tests.parity.conftest import Replayed
 
 # Benches of the estimator have no capture.
-NAMES = (path.name.removesuffix(".BIN.xz") for path in (DATA / "logs").glob("*.BIN.xz"))
-KEPT = sorted(name for name in NAMES if (DATA / "captures" / f"{name}.jsonl.gz").exists())
-LATER = "2026-02/t265"
-"""A log of another release, which stands before its name."""
+KEPT = sorted(
+    f"{path.parts[-3]}/{log_name(path)}"
+    for path in PARITY.glob("*/logs/*.BIN.xz")
+    if (path.parents[1] / "captures" / f"{log_name(path)}.jsonl.gz").exists()
+)
+"""Logs that have a capture, each after its release."""
 
 TYPES = ("VISP", "VISV", "REPH", "REVH", "RVOH")
 Rows = dict[str, list[Row]]
@@ -82,21 +84,21 @@ def firmware_log(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pa
 
     @cache
     def unpack(name: str) -> Path:
-        release, _, stem = name.rpartition("/")
+        release, _, stem = name.partition("/")
         path = folder / f"{release}{stem}.BIN"
-        path.write_bytes(lzma.decompress((DATA / release / "logs" / f"{stem}.BIN.xz").read_bytes()))
+        path.write_bytes(lzma.decompress((PARITY / release / "logs" / f"{stem}.BIN.xz").read_bytes()))
         return path
 
     return unpack
 
 
-USUAL = {"t265"}
+USUAL = {"2025-07/t265"}
 """The usual run takes this one."""
 
 
 @pytest.fixture(
     scope="session",
-    params=[pytest.param(name, marks=() if name in USUAL else pytest.mark.slow) for name in (*KEPT, LATER)],
+    params=[pytest.param(name, marks=() if name in USUAL else pytest.mark.slow) for name in KEPT],
 )
 def both(request: pytest.FixtureRequest, replayed: Replays, firmware_log: Callable[[str], Path]) -> Both:
     """Return the firmware's records and ours, of one log after the other; the tests of each come together."""
@@ -127,18 +129,18 @@ def test_state_of_the_camera_changes_as_the_firmwares(both: Both) -> None:
 
 @pytest.mark.slow
 def test_units_are_the_firmwares(replayed: Replays, firmware_log: Callable[[str], Path]) -> None:
-    ours, _ = meanings_of(replayed("t265").log)
-    assert ours == meanings_of(firmware_log("t265"))[0]
+    ours, _ = meanings_of(replayed("2025-07/t265").log)
+    assert ours == meanings_of(firmware_log("2025-07/t265"))[0]
     assert [ours["VISP"][name] for name in ("CTimeMS", "PX", "Y", "Q")] == ["ms", "m", "degheading", "%"]
 
 
 @pytest.mark.slow
 def test_unit_and_multiplier_records_are_the_firmwares(replayed: Replays, firmware_log: Callable[[str], Path]) -> None:
-    assert meanings_of(replayed("t265").log)[1] == meanings_of(firmware_log("t265"))[1]
+    assert meanings_of(replayed("2025-07/t265").log)[1] == meanings_of(firmware_log("2025-07/t265"))[1]
 
 
 def test_difference_of_a_log_record_is_found(replayed: Replays) -> None:
-    ours = rows_of(replayed("t265").log)["REPH"]
+    ours = rows_of(replayed("2025-07/t265").log)["REPH"]
     changed = [Row("REPH", {**ours[0].values, "PEr": 0.25}), *ours[1:]]
     assert differences(ours, ours, 2) == []
     assert [one.field for one in differences(changed, ours, 2)] == ["REPH.PEr"]
@@ -146,7 +148,7 @@ def test_difference_of_a_log_record_is_found(replayed: Replays) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["mav", "mocap"])
+@pytest.mark.parametrize("name", ["2025-07/mav", "2025-07/mocap"])
 def test_replay_records_follow_log_replay(replayed: Replays, name: str) -> None:
     run = replayed(name)
     rows = rows_of(run.log)
@@ -159,7 +161,7 @@ def test_replay_records_follow_log_replay(replayed: Replays, name: str) -> None:
 
 
 def test_pymavlink_reads_the_log_to_its_end(replayed: Replays, capfd: pytest.CaptureFixture[str]) -> None:
-    with opened(replayed("t265").log) as log:
+    with opened(replayed("2025-07/t265").log) as log:
         while log.recv_msg() is not None:
             pass
         assert log.remaining == 0
@@ -167,7 +169,7 @@ def test_pymavlink_reads_the_log_to_its_end(replayed: Replays, capfd: pytest.Cap
 
 
 def test_log_names_the_vehicle_for_its_modes(replayed: Replays) -> None:
-    with opened(replayed("t265").log) as log:
+    with opened(replayed("2025-07/t265").log) as log:
         mode = log.recv_match(type="MODE")
         assert mode is not None
         assert log.flightmode == "STABILIZE"
@@ -175,7 +177,7 @@ def test_log_names_the_vehicle_for_its_modes(replayed: Replays) -> None:
 
 @pytest.mark.slow
 def test_mavlogdump_prints_every_pose(replayed: Replays) -> None:
-    run = replayed("t265")
+    run = replayed("2025-07/t265")
     script = Path(sys.executable).parent / "mavlogdump.py"
     command = [sys.executable, str(script), "--types", "VISP", "--format", "csv", "--csv_sep", ",", str(run.log)]
     result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
@@ -188,7 +190,7 @@ def test_mavlogdump_prints_every_pose(replayed: Replays) -> None:
 @pytest.mark.slow
 def test_log_reader_gives_frames_of_visual_odometry(replayed: Replays, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MAVLINK20", "1")  # the reader sets it, for good
-    run = replayed("t265")
+    run = replayed("2025-07/t265")
     from ardupilot_log_reader.reader import Ardupilot  # with pandas, half a second in every process that collects
 
     parsed = Ardupilot.parse(str(run.log), types=["VISP", "VISV"])

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.compare.vectors import line_differences
 from viso.replay.vectors import VectorError, parse_line, recompute
 
-VECTORS = DATA / "vectors"
+VECTORS = RECORDED / "vectors"
 
 # How many outputs each recording holds; fewer would mean that something was not compared.
 OUTPUTS = {"visual_odom": 41061, "ap_math": 18220, "jitter_correction": 13220}

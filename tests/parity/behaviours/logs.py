@@ -14,12 +14,11 @@ from typing import Any, Final
 
 import pytest
 
-from tests.places import DATA
+from tests.places import PARITY
 from viso.compare.tolerances import BENCH, end_s, tolerances_of
 from viso.logs.recorded import read_log
 from viso.replay.ekf.run import EkfReplay, EkfRun
 
-LOGS: Final = DATA / "logs"
 SAME_TIME_S: Final = tolerances_of(BENCH)["MSG.TimeUS"].within
 """How far apart an event of ours and the recorded one may be."""
 
@@ -30,6 +29,12 @@ _OTHERS: Final = ("MSG", "EV", "ORGN", "RVOH", "REV3")
 
 Row = SimpleNamespace
 """A record: its fields, and ``t``, when it was written (samples: when they came in), in s since boot."""
+
+
+def log_path(name: str) -> Path:
+    """Return the file of a recorded log, whose name stands after that of its release: ``2025-07/voxl``."""
+    release, _, stem = name.partition("/")
+    return PARITY / release / "logs" / f"{stem}.BIN.xz"
 
 
 class Log:
@@ -130,7 +135,7 @@ class Recording:
 
 
 class Recordings:
-    """Runs the filter over recorded logs: once for each, however many processes test.
+    """Runs the filter over recorded logs, which are named after their release: once for each, however many test.
 
     Args:
         folder: where what comes of it is kept; of all processes of this run.
@@ -149,10 +154,10 @@ class Recordings:
 
     def _replay(self, name: str) -> EkfReplay:
         kept = self._ours(name).with_suffix(".pickle")
-        with (self._folder / f"{name}.lock").open("w") as lock:
+        with (self._folder / f"{name.replace('/', '_')}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not kept.exists():
-                path = LOGS / f"{name}.BIN.xz"
+                path = log_path(name)
                 run = EkfRun(path, until_s=end_s(path))
                 run.run()
                 run.output.save(self._ours(name))
@@ -161,14 +166,14 @@ class Recordings:
         return replay
 
     def _ours(self, name: str) -> Path:
-        return self._folder / f"{name}.BIN"
+        return self._folder / f"{name.replace('/', '_')}.BIN"
 
     def __call__(self, name: str) -> Recording:
         """Return both logs."""
         if name not in self._recordings:
             self.replay(name)
             self._recordings[name] = Recording(
-                Log(self._ours(name), f"ours over {name}"), Log(LOGS / f"{name}.BIN.xz", f"recorded {name}")
+                Log(self._ours(name), f"ours over {name}"), Log(log_path(name), f"recorded {name}")
             )
         return self._recordings[name]
 

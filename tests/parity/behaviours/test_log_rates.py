@@ -32,13 +32,13 @@ def test_42_estimates_are_logged_at_10_hz_and_variances_every_half_second(
 ) -> None:
     parked = make_parked()
     parked.run_to(END_S)
-    for log in (*recordings("bench_pose_velocity").both, parked.log()):
+    for log in (*recordings("2025-07/bench_pose_velocity").both, parked.log()):
         for name in ("XKF4", *OF_ALL_CORES, *OF_PRIMARY):
             assert rate_hz(log, name) == pytest.approx(10.0, abs=0.02)
         for name in COVARIANCE:
             times_s = [row.t for row in log.rows(name) if row.t >= START_S]
             assert [b - a for a, b in pairwise(times_s)] == [pytest.approx(0.5, abs=0.01)] * (len(times_s) - 1)
-    ours = recordings("bench_pose_velocity").ours
+    ours = recordings("2025-07/bench_pose_velocity").ours
     for log in (ours, parked.log()):
         assert [rate_hz(log, name, core=1) for name in ("XKF4", *OF_ALL_CORES)] == [pytest.approx(10.0, abs=0.02)] * 6
         assert not [name for name in (*OF_PRIMARY, *COVARIANCE) if log.rows(name, core=1)]

@@ -62,7 +62,7 @@ def test_25_odometry_alone_starts_relative_aiding(relative: Parked) -> None:
 
 
 def test_25_odometry_is_fused_before_the_gyros_are_known(recordings: Recordings) -> None:
-    recording = recordings("bench_odometry")
+    recording = recordings("2025-07/bench_odometry")
     first_s = recording.input("RBOH", lambda sample: True)
     assert recording.when(lambda log: log.when(FUSING)) - first_s == pytest.approx(0.046, abs=0.01)
     for log in recording.both:
@@ -75,7 +75,7 @@ def test_25_relative_aiding_starts_later_once_the_gyros_are_known(
 ) -> None:
     # The firmware, too, knew its gyros as well at this time, but had no odometry any more.
     enough = math.radians(GYROS_KNOWN_DEG_S * STEP_S) ** 2
-    known_s = recordings("bench_odometry").when(
+    known_s = recordings("2025-07/bench_odometry").when(
         lambda log: log.first("XKV2", lambda row: getattr(row, AXIS_Z_OF_GYRO_BIAS) <= enough, 6.0)
     )
     parked = make_parked("06101", compass=True)
@@ -113,18 +113,18 @@ def test_27_odometry_that_is_rejected_keeps_no_aiding_alive(relative: Parked) ->
 
 
 def test_28_innovations_of_odometry_are_logged_no_more_often_than_estimates(recordings: Recordings) -> None:
-    for log in recordings("bench_odometry").both:
+    for log in recordings("2025-07/bench_odometry").both:
         start_s, end_s = (log.rows("XKFD")[i].t for i in (0, -1))
         count, estimates = len(log.rows("XKFD")), len(log.between("XKF1", start_s, end_s))
         assert 0.9 * estimates < count <= estimates
         assert {row.t for row in log.rows("XKFD")} <= {row.t for row in log.rows("XKF4")}
         assert start_s == pytest.approx(20.1, abs=0.15)
         assert end_s == pytest.approx(35.1, abs=0.15)
-    for log in recordings("bench_pose_velocity").both:
+    for log in recordings("2025-07/bench_pose_velocity").both:
         assert not log.rows("XKFD")
 
 
 def test_37_offset_and_delay_of_odometry_are_logged_as_zero(recordings: Recordings, relative: Parked) -> None:
-    for log in (recordings("bench_odometry").recorded, relative.log()):
+    for log in (recordings("2025-07/bench_odometry").recorded, relative.log()):
         assert (log.rows("RVOH")[0].OX, log.rows("RVOH")[0].Del) == (pytest.approx(0.1), 20)
         assert {(sample.OX, sample.OY, sample.OZ, sample.D) for sample in log.rows("RBOH")} == {(0.0, 0.0, 0.0, 0)}

@@ -43,7 +43,7 @@ def moves(log: Log, start_s: float, end_s: float) -> list[tuple[float, float]]:
 
 
 def test_08_reset_counter_steps_the_position_at_once_and_nothing_else(recordings: Recordings) -> None:
-    recording = recordings("bench_pose_velocity")
+    recording = recordings("2025-07/bench_pose_velocity")
     reset_s = recording.input("REPH", lambda sample: sample.RT != 0)
     assert reset_s == recording.input("REPH", lambda sample: sample.PX == 5.0)
     for log in recording.both:
@@ -58,7 +58,7 @@ def test_08_reset_counter_steps_the_position_at_once_and_nothing_else(recordings
 
 
 def test_10_position_step_without_counter_is_reset_to_after_7_s(recordings: Recordings) -> None:
-    recording = recordings("bench_pose_baro")
+    recording = recordings("2025-07/bench_pose_baro")
     step_s = recording.input("REPH", lambda sample: sample.PX == 30.0)
     unused_s = recording.when(lambda log: log.first("XKF4", lambda row: not row.SS & USING_GPS, step_s))
     reset_s = recording.when(lambda log: log.first("XKF4", lambda row: row.OFN > 20.0, step_s))
@@ -79,7 +79,7 @@ def test_10_position_step_without_counter_is_reset_to_after_7_s(recordings: Reco
 
 
 def test_11_position_step_with_velocity_that_agrees_makes_a_timeout_that_stays(recordings: Recordings) -> None:
-    recording = recordings("bench_pose_velocity")
+    recording = recordings("2025-07/bench_pose_velocity")
     step_s = recording.input("REPH", lambda sample: sample.PX == 35.0)
     lost_s = recording.when(lambda log: log.first("XKF4", lambda row: row.TS == STICKY_TS, step_s))
     assert lost_s - step_s == pytest.approx(10.0, abs=FUSED_AFTER_S + LOG_S)
@@ -96,7 +96,7 @@ def test_11_position_step_with_velocity_that_agrees_makes_a_timeout_that_stays(r
 
 
 def test_12_aiding_stops_15_s_after_everything_is_lost(recordings: Recordings) -> None:
-    recording = recordings("bench_pose_velocity")
+    recording = recordings("2025-07/bench_pose_velocity")
     lost_s = max(sample.t for sample in recording.recorded.rows("REPH") if sample.t < 90.0)
     unused_s = recording.when(lambda log: log.first("XKF4", lambda row: not row.SS & USING_GPS, lost_s))
     velocity_s = recording.when(lambda log: log.first("XKF4", lambda row: row.TS == LOST_TS, lost_s))
@@ -112,7 +112,7 @@ def test_12_aiding_stops_15_s_after_everything_is_lost(recordings: Recordings) -
 
 
 def test_13_data_that_comes_again_starts_aiding_at_once(recordings: Recordings) -> None:
-    recording = recordings("bench_pose_velocity")
+    recording = recordings("2025-07/bench_pose_velocity")
     again_s = recording.input("REPH", lambda sample: True, 90.0)
     started_s = recording.when(lambda log: log.when(AIDING, 90.0))
     assert started_s - again_s == pytest.approx(0.054, abs=0.0125)
@@ -131,7 +131,7 @@ def test_13_data_that_comes_again_starts_aiding_at_once(recordings: Recordings) 
 
 
 def test_14_pose_lost_for_12_s_is_reset_to_once(recordings: Recordings) -> None:
-    recording = recordings("bench_pose_baro")
+    recording = recordings("2025-07/bench_pose_baro")
     lost_s = max(sample.t for sample in recording.recorded.rows("REPH") if sample.t < 40.0)
     again_s = recording.input("REPH", lambda sample: True, 40.0)
     recording.when(lambda log: log.first("XKF4", lambda row: row.TS == LOST_TS, lost_s))
@@ -157,7 +157,7 @@ def test_14_pose_lost_for_8_s_is_reset_to_once(make_parked: "MakeParked") -> Non
 
 
 def test_34_without_a_glitch_radius_a_step_is_fused_at_full_gain(recordings: Recordings) -> None:
-    recording = recordings("bench_glitch_radius_0")
+    recording = recordings("2025-07/bench_glitch_radius_0")
     step_s = recording.input("REPH", lambda sample: sample.PX == 30.0)
     arrived_s = recording.when(lambda log: log.first("XKF1", lambda row: row.PN > 28.0, step_s))
     assert arrived_s - step_s < 1.0

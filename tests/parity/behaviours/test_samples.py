@@ -37,7 +37,7 @@ def changes_of_health(log: Log) -> list[tuple[float, int]]:
 
 
 def test_29_reset_counter_at_100_hz_moves_the_position(recordings: Recordings) -> None:
-    recording = recordings("bench_vertical_velocity_100hz")
+    recording = recordings("2025-07/bench_vertical_velocity_100hz")
     samples = recording.recorded.rows("REPH")
     intervals_ms = [after.TS - before.TS for before, after in pairwise(samples)]
     assert sorted(intervals_ms)[len(intervals_ms) // 2] == 11
@@ -75,7 +75,7 @@ def test_29_pose_at_100_hz_is_used_every_other_time_and_a_counter_that_is_not_st
 
 
 def test_30_positions_and_quaternions_that_are_no_numbers_are_logged(recordings: Recordings) -> None:
-    recording = recordings("bench_vertical_velocity_100hz")
+    recording = recordings("2025-07/bench_vertical_velocity_100hz")
     samples = recording.recorded.rows("REPH")
     assert sum(math.isnan(sample.PX) for sample in samples) > 100
     assert sum(math.isnan(sample.Q1) for sample in samples) > 100
@@ -162,7 +162,7 @@ def test_36_first_counter_that_is_not_zero_counts_as_a_reset(
 def test_38_state_of_the_camera_is_logged_when_its_health_changes(
     recordings: Recordings, make_parked: "MakeParked"
 ) -> None:
-    recorded = changes_of_health(recordings("bench_pose_velocity").recorded)
+    recorded = changes_of_health(recordings("2025-07/bench_pose_velocity").recorded)
     parked = make_parked()
     parked.run_to(6.0)
     for start_s, end_s in ((6.0, 7.0), (9.0, 10.0)):

@@ -38,7 +38,7 @@ CHECK_INS_ONLY = 16
 
 
 def test_23_velocity_alone_never_aids_and_resets_the_filter_again_and_again(recordings: Recordings) -> None:
-    recording = recordings("bench_velocity_only")
+    recording = recordings("2025-07/bench_velocity_only")
     assert {sample.VX for sample in recording.recorded.rows("REVH")} == {1.0}
     resets_s = [recording.when(lambda log: log.when("forced reset"))]
     resets_s += [recording.when(lambda log: log.when("forced reset", 12.0))]
@@ -54,7 +54,7 @@ def test_23_velocity_alone_never_aids_and_resets_the_filter_again_and_again(reco
 
 
 def test_24_without_a_yaw_source_every_sample_starts_and_stops_aiding(recordings: Recordings) -> None:
-    recording = recordings("bench_no_yaw_source")
+    recording = recordings("2025-07/bench_no_yaw_source")
     ready_s = recording.when(lambda log: log.when("tilt alignment complete"))
     samples_s = [sample.t for sample in recording.recorded.rows("REPH") if sample.t > ready_s]
     for log in recording.both:

@@ -45,7 +45,7 @@ def started(make_parked: "MakeParked") -> Parked:
 
 
 def test_01_boot_texts_come_in_order_and_once_per_core(recordings: Recordings, started: Parked) -> None:
-    recording = recordings("bench_pose_velocity")
+    recording = recordings("2025-07/bench_pose_velocity")
     for log in recording.both:
         assert log.said(until_s=25.0) == list(BOOT)
         boot = [said for time_s, said in log.texts if time_s < 25.0 and said.endswith(BOOT)]
@@ -69,7 +69,7 @@ def test_01_boot_texts_come_in_order_and_once_per_core(recordings: Recordings, s
 
 
 def test_02_without_data_it_stays_parked(recordings: Recordings, started: Parked) -> None:
-    for log in recordings("bench_pose_velocity").both:
+    for log in recordings("2025-07/bench_pose_velocity").both:
         assert {(row.TS, row.SS) for row in log.between("XKF4", 6.0, 25.0)} == {(NOT_AIDED_TS, PARKED_SS)}
         assert {(row.PN, row.PE) for row in log.between("XKF1", 6.0, 25.0)} == {(0.0, 0.0)}
     assert set(started.flags(6.0, 8.0)) == {PARKED_FLAGS}
@@ -78,7 +78,7 @@ def test_02_without_data_it_stays_parked(recordings: Recordings, started: Parked
 
 
 def test_03_first_pose_aligns_yaw_and_a_loop_later_starts_aiding(recordings: Recordings, started: Parked) -> None:
-    recording = recordings("bench_pose_velocity")
+    recording = recordings("2025-07/bench_pose_velocity")
     first_s = recording.input("REPH", lambda sample: True)
     assert recording.when(lambda log: log.when("yaw aligned")) == pytest.approx(25.1416, abs=0.001)
     assert recording.when(lambda log: log.when(AIDING)) == pytest.approx(25.1441, abs=0.001)
@@ -91,17 +91,17 @@ def test_03_first_pose_aligns_yaw_and_a_loop_later_starts_aiding(recordings: Rec
 
 
 def test_04_initial_velocity_is_told_only_if_there_was_one(recordings: Recordings) -> None:
-    for log in recordings("bench_pose_velocity").both:
+    for log in recordings("2025-07/bench_pose_velocity").both:
         starts = [i for i, text in enumerate(log.said()) if text == AIDING]
         assert len(starts) == 2
         assert [log.said()[i + 2] for i in starts] == ["initial vel NED = 0.0,0.0,0.0 (m/s)"] * 2
-    for log in recordings("bench_pose_baro").both:
+    for log in recordings("2025-07/bench_pose_baro").both:
         assert log.said().count(AIDING) == 1
         assert not [text for text in log.said() if text.startswith("initial vel")]
 
 
 def test_05_initial_position_is_the_pose_less_the_lever_arm(recordings: Recordings) -> None:
-    recording = recordings("bench_vertical_velocity_100hz")
+    recording = recordings("2025-07/bench_vertical_velocity_100hz")
     assert recording.recorded.rows("RVOH")[0].OX == 0.5
     assert recording.recorded.rows("REPH")[0].PX == 1.0
     for log in recording.both:
@@ -118,7 +118,7 @@ def test_05_lever_arm_turns_with_the_vehicle(make_parked: "MakeParked", yaw_deg:
 
 
 def test_06_it_navigates_without_an_origin(recordings: Recordings, started: Parked) -> None:
-    for log in recordings("bench_pose_velocity").both:
+    for log in recordings("2025-07/bench_pose_velocity").both:
         aided = {(row.TS, row.SS, row.SS & REPORTED) for row in log.between("XKF4", 25.2, 55.0)}
         assert aided == {(AIDED_TS, AIDED_SS, AIDED_FLAGS)}
         assert set(log.values("XKF1", "OH", 25.2, 55.0)) == {0.0}
@@ -133,7 +133,7 @@ def test_06_it_navigates_without_an_origin(recordings: Recordings, started: Park
 
 
 def test_07_origin_is_told_by_each_core_and_moves_nothing(recordings: Recordings) -> None:
-    recording = recordings("bench_steps")
+    recording = recordings("2025-07/bench_steps")
     set_s = recording.when(lambda log: log.when("origin set"))
     for log in recording.both:
         told = [said for _, said in log.texts if said.endswith("origin set")]
@@ -152,7 +152,7 @@ def test_07_origin_of_a_client_is_logged_as_the_firmwares(recordings: Recordings
     parked.stream(7.0, lambda: parked.pose(3.0, -4.0), parked.velocity)
     parked.send(SET_GPS_GLOBAL_ORIGIN(1, -353632620, 1491652370, 584_000))
     parked.stream(8.0, lambda: parked.pose(3.0, -4.0), parked.velocity)
-    ours, recorded = parked.log(), recordings("bench_steps").recorded
+    ours, recorded = parked.log(), recordings("2025-07/bench_steps").recorded
 
     def told(log: Log) -> list[tuple[int, float, float, float]]:
         return [(row.Type, row.Lat, row.Lng, row.Alt) for row in log.rows("ORGN")]

@@ -78,7 +78,7 @@ def test_timeline_of_poses_that_are_lost(make_parked: "MakeParked") -> None:
 
 
 def test_timeline_of_poses_and_velocities_that_are_lost_for_12_s(recordings: Recordings) -> None:
-    recording = recordings("dropout")
+    recording = recordings("2025-07/dropout")
     samples = recording.recorded.rows("REPH")
     lost_s, again_s = next((a.t, b.t) for a, b in pairwise(samples) if b.t - a.t > 10.0)
     assert again_s - lost_s == pytest.approx(12.1, abs=0.1)
@@ -116,7 +116,7 @@ def both_timelines(recording: Recording, start_s: float, end_s: float, *expected
 
 
 def test_timeline_of_a_position_jump_of_poses_alone(recordings: Recordings) -> None:
-    recording = recordings("bench_pose_baro")
+    recording = recordings("2025-07/bench_pose_baro")
     jump_s = recording.input("REPH", lambda sample: sample.PX == 30.0)
     both_timelines(
         recording,
@@ -129,7 +129,7 @@ def test_timeline_of_a_position_jump_of_poses_alone(recordings: Recordings) -> N
 
 
 def test_timeline_of_a_position_jump_while_velocity_passes(recordings: Recordings) -> None:
-    recording = recordings("bench_pose_velocity")
+    recording = recordings("2025-07/bench_pose_velocity")
     jump_s = recording.input("REPH", lambda sample: sample.PX == 35.0)
     both_timelines(
         recording,
@@ -143,7 +143,7 @@ def test_timeline_of_a_position_jump_while_velocity_passes(recordings: Recording
 
 
 def test_timeline_of_a_height_jump_shows_in_no_status(recordings: Recordings) -> None:
-    recording = recordings("bench_steps")
+    recording = recordings("2025-07/bench_steps")
     jump_s = recording.input("REPH", lambda sample: sample.PZ == -30.0)
     both_timelines(recording, jump_s, jump_s + 12.0, (0.0, STICKY_TS, STICKY_SS))
     reset_s = recording.when(lambda log: log.first("XKF1", lambda row: row.PD < -15.0, jump_s))
@@ -151,7 +151,7 @@ def test_timeline_of_a_height_jump_shows_in_no_status(recordings: Recordings) ->
 
 
 def test_timeline_of_a_velocity_jump_shows_in_no_status(recordings: Recordings) -> None:
-    recording = recordings("bench_steps")
+    recording = recordings("2025-07/bench_steps")
     jump_s = recording.input("REVH", lambda sample: sample.VX == 15.0)
     both_timelines(recording, jump_s, jump_s + 12.0, (0.0, STICKY_TS, STICKY_SS))
     for log in recording.both:
@@ -159,7 +159,7 @@ def test_timeline_of_a_velocity_jump_shows_in_no_status(recordings: Recordings) 
 
 
 def test_worked_example(recordings: Recordings) -> None:
-    recording = recordings("bench_pose_velocity")
+    recording = recordings("2025-07/bench_pose_velocity")
 
     def said(text: str, since_s: float = 0.0) -> float:
         return recording.when(lambda log: log.when(text, since_s))

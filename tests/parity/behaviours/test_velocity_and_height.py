@@ -28,7 +28,7 @@ HEIGHT_STEP_M = 3.0
 
 
 def test_15_velocity_step_is_rejected_for_ever_without_a_timeout(recordings: Recordings) -> None:
-    recording = recordings("bench_steps")
+    recording = recordings("2025-07/bench_steps")
     step_s = recording.input("REVH", lambda sample: sample.VX == 15.0)
     back_s = recording.input("REVH", lambda sample: sample.VX == 0.0, step_s)
     assert back_s - step_s > 10.0
@@ -42,7 +42,7 @@ def test_15_velocity_step_is_rejected_for_ever_without_a_timeout(recordings: Rec
 
 
 def test_16_vertical_velocity_alone_is_told_but_never_fused(recordings: Recordings) -> None:
-    recording = recordings("bench_vertical_velocity_100hz")
+    recording = recordings("2025-07/bench_vertical_velocity_100hz")
     assert {sample.VZ for sample in recording.recorded.rows("REVH")} == {3.0}
     for log in recording.both:
         assert [text for text in log.said() if text.startswith("initial vel")] == [
@@ -53,7 +53,7 @@ def test_16_vertical_velocity_alone_is_told_but_never_fused(recordings: Recordin
 
 
 def test_17_height_step_is_reset_to_after_10_s_with_velocity(recordings: Recordings) -> None:
-    recording = recordings("bench_steps")
+    recording = recordings("2025-07/bench_steps")
     step_s = recording.input("REPH", lambda sample: sample.PZ == -30.0)
     reset_s = recording.when(lambda log: log.first("XKF1", lambda row: row.PD < -15.0, step_s))
     assert reset_s - step_s == pytest.approx(10.0, abs=FUSED_AFTER_S + LOG_S)
@@ -129,7 +129,7 @@ def test_18_gap_too_short_for_a_baro_height_leaves_the_gate_in_force(gaps: Gaps)
 
 
 def test_19_height_is_the_poses_as_aiding_starts_and_then_the_baros_again(recordings: Recordings) -> None:
-    recording = recordings("bench_pose_baro")
+    recording = recordings("2025-07/bench_pose_baro")
     started_s = recording.when(lambda log: log.when(AIDING))
     back_s = recording.when(lambda log: log.first("XKF1", lambda row: row.PD > 0.0, started_s))
     assert back_s - started_s == pytest.approx(2.0, abs=0.2)

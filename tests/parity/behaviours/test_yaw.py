@@ -62,7 +62,7 @@ def test_09_reset_counter_does_not_reset_yaw(make_parked: "MakeParked") -> None:
 
 
 def test_20_yaw_step_on_the_ground_slews_the_yaw(recordings: Recordings) -> None:
-    recording = recordings("bench_steps")
+    recording = recordings("2025-07/bench_steps")
     step_s = recording.input("REPH", lambda sample: sample.Q4 > 0.5)
     first_s = recording.when(lambda log: log.first("XKF4", lambda row: row.SM > 1.0, step_s))
     assert first_s - step_s < FUSED_AFTER_S + LOG_S

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.places import DATA
+from tests.places import PARITY
 from tools import proven_cells
 from tools.proven_cells import cells, main
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025
@@ -32,7 +32,7 @@ def test_each_strategy_is_put_back_alone() -> None:
 def test_strategy_is_proven_by_a_recording_that_comes_out_otherwise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    whole, short = DATA / "2026-04" / "captures" / "speedcov.jsonl.gz", tmp_path / "short.jsonl"
+    whole, short = PARITY / "2026-04" / "captures" / "speedcov.jsonl.gz", tmp_path / "short.jsonl"
     with gzip.open(whole, "rt", encoding="utf-8") as file:
         header, *messages = (json.loads(line) for _, line in zip(range(1 + MESSAGES), file, strict=False))
     header.update(statustext=[], command_ack=[])

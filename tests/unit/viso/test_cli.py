@@ -24,7 +24,7 @@ from typer.testing import CliRunner
 
 from mav_handlers.links import packed
 from mav_handlers.wire.codec import Codec
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from viso import cli
@@ -42,7 +42,7 @@ QUICK = "faults", "play", "vectors"
 def capture(tmp_path: Path) -> Path:
     """Return the first messages of a recorded capture."""
     path = tmp_path / "short.jsonl"
-    with gzip.open(DATA / "captures" / "mav.jsonl.gz", "rt", encoding="utf-8") as file:
+    with gzip.open(RECORDED / "captures" / "mav.jsonl.gz", "rt", encoding="utf-8") as file:
         path.write_text("".join(line for _, line in zip(range(SHORT + 1), file, strict=False)))
     return path
 
@@ -51,7 +51,7 @@ def capture(tmp_path: Path) -> Path:
 def vectors(tmp_path: Path) -> Path:
     """Return three maths calls of the firmware."""
     path = tmp_path / "vectors.jsonl"
-    path.write_text("".join(first_lines(DATA / "vectors" / "ap_math.jsonl.gz", 3)))
+    path.write_text("".join(first_lines(RECORDED / "vectors" / "ap_math.jsonl.gz", 3)))
     return path
 
 
@@ -363,7 +363,7 @@ def test_transport_time_may_be_switched_off(viso: Viso, capture: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("heading_deg", [45, 90])
 def test_heading_counts_without_a_log_of_attitudes(viso: Viso, heading_deg: int) -> None:
-    outcome = viso("replay", DATA / "captures" / "prearm.jsonl.gz", "--heading", str(heading_deg), "--json")
+    outcome = viso("replay", RECORDED / "captures" / "prearm.jsonl.gz", "--heading", str(heading_deg), "--json")
     texts = [row["text"] for row in json.loads(outcome.out)["texts"]]
     (aligned,) = (text for text in texts if text.startswith("VisOdom: yaw shifted"))
     assert float(aligned.split()[-2]) == pytest.approx(heading_deg, abs=1)

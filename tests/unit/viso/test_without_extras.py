@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.places import DATA
+from tests.places import DATA, RECORDED
 
 pytestmark = pytest.mark.slow  # a process each
 
@@ -45,7 +45,7 @@ def viso(*args: str, cwd: Path, without: tuple[str, ...] = EXTRAS) -> tuple[int,
 
 
 def test_recording_is_compared_and_told_on_a_page(tmp_path: Path) -> None:
-    recording = str(DATA / "vectors" / "jitter_correction.jsonl.gz")
+    recording = str(RECORDED / "vectors" / "jitter_correction.jsonl.gz")
     assert viso("compare", recording, "--firmware", "2025-07", "-o", "page.html", cwd=tmp_path) == (0, "")
 
 

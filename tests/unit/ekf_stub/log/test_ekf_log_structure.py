@@ -13,7 +13,7 @@ from pymavlink.DFReader import DFReader_binary
 from ap_core.log_structure import LogStructure
 from ekf_stub.log.ekf_log_structure import LOG_STRUCTURE_FROM_EKF3, XKFM, XKY0, XKY1
 from ekf_stub.log.replay_log_structure import LOG_STRUCTURE_FROM_DAL
-from tests.places import DATA
+from tests.places import DATA, RECORDED
 
 STRUCTURES = (*LOG_STRUCTURE_FROM_DAL, *LOG_STRUCTURE_FROM_EKF3)
 FIRMWARE: dict[str, dict[str, Any]] = json.loads((DATA / "firmware_fmt.json").read_text())["types"]
@@ -58,7 +58,7 @@ def test_order_is_that_of_the_firmwares_table() -> None:
 @pytest.mark.slow
 def test_recorded_log_describes_the_same(tmp_path: Path) -> None:
     path = tmp_path / "voxl.BIN"
-    path.write_bytes(lzma.decompress((DATA / "logs" / "voxl.BIN.xz").read_bytes()))
+    path.write_bytes(lzma.decompress((RECORDED / "logs" / "voxl.BIN.xz").read_bytes()))
     units: dict[int, tuple[str, str]] = {}
     with DFReader_binary(str(path)) as log:
         while (record := log.recv_match(type="FMTU")) is not None:

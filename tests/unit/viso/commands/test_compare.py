@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.places import DATA
+from tests.places import DATA, RECORDED
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.report.log_maker import LogMaker
 from viso.firmware.releases import JULY_2025, PROFILES
@@ -53,7 +53,7 @@ def without_texts(lines: list[Any]) -> list[Any]:
 @pytest.fixture(scope="module")
 def mocap() -> list[Any]:
     """Return the beginning of a capture."""
-    return without_texts(first_lines(DATA / "captures" / "mocap.jsonl.gz", 1 + MESSAGES))
+    return without_texts(first_lines(RECORDED / "captures" / "mocap.jsonl.gz", 1 + MESSAGES))
 
 
 def compared(viso: Viso, *args: object) -> tuple[int, Any]:
@@ -254,7 +254,7 @@ def test_releases_are_told_apart_by_their_recordings(
 
 @pytest.mark.slow
 def test_conversations_and_logs_agree_as_what_they_name(viso: Viso) -> None:
-    logs = [DATA / "logs" / f"{name}.BIN.xz" for name in ("bench_no_yaw_source", "bench_velocity_only")]
+    logs = [RECORDED / "logs" / f"{name}.BIN.xz" for name in ("bench_no_yaw_source", "bench_velocity_only")]
     code, told = compared(viso, DATA / "conversations", *logs)
     assert (code, told["passed"]) == (0, True)
     assert [one["kind"] for one in told["comparisons"]] == ["conversation", "conversation", "log", "log"]

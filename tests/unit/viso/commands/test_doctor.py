@@ -175,7 +175,10 @@ def test_server_that_refuses_is_one_line(viso: Viso) -> None:
         (("x.tlog", "--lead", "-1"), "--lead -1: not a time in seconds"),
         (("x.tlog", "--seconds", "0"), "--seconds 0: not between 0 and a day"),
         (("x.tlog", "--heading", "nan"), "--heading nan: not an angle in degrees"),
-        (("x.tlog", "--firmware", "4.5"), "--firmware 4.5: no such profile; there are 4.6, 2025-07, 2026-02, 4.7, 2026-04"),
+        (
+            ("x.tlog", "--firmware", "4.5"),
+            "--firmware 4.5: no such profile; there are 4.6, 2025-07, 2026-02, 4.7",
+        ),
         (("x.tlog", "--param", "VISO"), "--param 'VISO': not NAME=VALUE with a finite number"),
     ],
 )
@@ -195,7 +198,7 @@ def test_output_that_cannot_be_written_is_one_line(viso: Viso) -> None:
 
 @pytest.mark.slow
 def test_page_shows_what_happens(viso: Viso, monkeypatch: pytest.MonkeyPatch) -> None:
-    example = "tests/data/captures/t265.jsonl.gz"
+    example = "tests/data/parity/2025-07/captures/t265.jsonl.gz"
     assert f"viso doctor {example}" in PAGE
     monkeypatch.chdir(ROOT)
     outcome = viso("doctor", example)

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from viso.commands import ekf as ekf_command
 from viso.compare import tolerances
@@ -22,7 +22,7 @@ from viso.compare.tolerances import FLIGHT, TOLERANCES, Tolerance
 from viso.firmware.releases import JULY_2025, Firmware
 from viso.replay.ekf.run import EkfRun
 
-LOG = DATA / "logs" / "voxl.BIN.xz"
+LOG = RECORDED / "logs" / "voxl.BIN.xz"
 UNTIL_S = 6.6  # after aiding, yaw and origin
 SHORT_BYTES = 400_000  # some time after that
 

@@ -18,7 +18,7 @@ from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.links.tlog import YEAR_2000_US
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from viso.commands import faults as faults_command
@@ -28,7 +28,7 @@ from viso.faults import proxy as faults_proxy
 from viso.faults.file import Recording, check_output, read_recording, write_recording
 from viso.faults.proxy import FaultProxy
 
-CAPTURE = DATA / "captures" / "mav.jsonl.gz"
+CAPTURE = RECORDED / "captures" / "mav.jsonl.gz"
 BEAT = HEARTBEAT(18, 8, 0, 0, 4, 3)
 SHORT = 40
 

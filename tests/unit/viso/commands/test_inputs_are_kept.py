@@ -18,7 +18,7 @@ import pytest
 
 from mav_handlers.wire.messages import HEARTBEAT
 from tests.little_space import space_for
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.command_line import Viso, failed_with
 from viso.commands import vectors as vectors_command
 from viso.replay import vectors as replay_vectors
@@ -198,8 +198,8 @@ FILLING: Final = [
 @pytest.mark.slow
 @pytest.mark.parametrize("line", FILLING)
 def test_full_disk_leaves_what_was_there(viso: Viso, calls: Path, tmp_path: Path, line: str) -> None:
-    Path("flight.BIN").write_bytes(lzma.decompress((DATA / "logs" / "bench_no_yaw_source.BIN.xz").read_bytes()))
-    capture = DATA / "captures" / "mav.jsonl.gz"
+    Path("flight.BIN").write_bytes(lzma.decompress((RECORDED / "logs" / "bench_no_yaw_source.BIN.xz").read_bytes()))
+    capture = RECORDED / "captures" / "mav.jsonl.gz"
     shutil.copy(capture, "short.jsonl")  # compressed or not is told by the content
     Path("long.tum").write_text("".join(f"{t / 20} 0 0 -1 0 0 0 1\n" for t in range(1000)))
     Path("t.yaml").write_text("faults: [{kind: delay}]")

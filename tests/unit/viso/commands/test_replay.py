@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.places import ROOT
+from tests.places import RECORDED, ROOT
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.vehicles import MAVPROXY, READY, beats, listed, recorded
@@ -23,7 +23,7 @@ from viso.vehicle.config import bench
 
 DATA = ROOT / "tests" / "data"
 FLIGHT = DATA / "trajectories" / "flight.tum"
-LOG = DATA / "logs" / "bench_no_yaw_source.BIN.xz"
+LOG = RECORDED / "logs" / "bench_no_yaw_source.BIN.xz"
 PAGE = ROOT / "docs" / "replay.md"
 POSES = 10
 SHORT = ("poses.tum", "--lead", "3", "--param", "VISO_TYPE=1")
@@ -151,7 +151,8 @@ def test_profile_of_the_firmware_may_be_named(viso: Viso) -> None:
 
 def test_serve_refuses_unknown_firmware_before_it_touches_anything(viso: Viso) -> None:
     assert failed_with(
-        viso("serve", "--firmware", "3.2"), "--firmware 3.2: no such profile; there are 4.6, 2025-07, 2026-02, 4.7, 2026-04"
+        viso("serve", "--firmware", "3.2"),
+        "--firmware 3.2: no such profile; there are 4.6, 2025-07, 2026-02, 4.7, 2026-04",
     )
     assert not Path("logs").exists()
 

@@ -15,14 +15,14 @@ import pytest
 
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ODOMETRY
-from tests.places import DATA
+from tests.places import DATA, RECORDED
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 
-CAPTURE = DATA / "captures" / "mav.jsonl.gz"
+CAPTURE = RECORDED / "captures" / "mav.jsonl.gz"
 SHORT = 30
 PERIOD_US = 33_333
-LOG = DATA / "logs" / "prearm.BIN.xz"
+LOG = RECORDED / "logs" / "prearm.BIN.xz"
 SHORT_BYTES = 300_000
 ORDINARY = DATA / "ordinary" / "lane_switch.BIN.xz"
 BY_EXT_NAV = [

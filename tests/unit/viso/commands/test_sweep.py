@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from tests.places import ROOT
+from tests.places import RECORDED, ROOT
 from tests.unit.viso.command_line import Viso, failed_with
 from viso.commands import sweep as sweep_command
 from viso.replay.figures import OBJECTIVES
@@ -27,7 +27,7 @@ from viso.sweep.job import Result
 from viso.sweep.plan import Point, SweepPlan
 from viso.vehicle.sensors.flight import Basis
 
-CAPTURE = ROOT / "tests" / "data" / "captures" / "mav.jsonl.gz"
+CAPTURE = RECORDED / "captures" / "mav.jsonl.gz"
 PAGE = (ROOT / "docs" / "sweep.md").read_text(encoding="utf-8")
 SHORT = (CAPTURE, "--until", "6", "-j", "1", "--imu", "follow")
 LOWEST = 22.0

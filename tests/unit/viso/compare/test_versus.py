@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.places import DATA
+from tests.places import RECORDED
 
 if TYPE_CHECKING:
     from tests.unit.viso.command_line import Viso
 
-CAPTURES = DATA / "captures"
+CAPTURES = RECORDED / "captures"
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from mav_handlers.wire.codec import Codec, Received
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.doctor import CHECKS, Evidence, Finding, Severity, VehicleData, diagnose, gather
 from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries, vehicle_of_log
 from viso.faults import inject, parse_timeline
@@ -34,13 +34,13 @@ VISION: Final = frozenset({"ODOMETRY", "VISION_POSITION_ESTIMATE", "VISION_SPEED
 @cache
 def recording(name: str) -> Stream:
     """Return a capture."""
-    return read_stream(DATA / "captures" / f"{name}.jsonl.gz", 0)
+    return read_stream(RECORDED / "captures" / f"{name}.jsonl.gz", 0)
 
 
 @cache
 def log_of(name: str) -> tuple[AttitudeSeries, HeightSeries | None]:
     """Return attitude and height in the log of a capture."""
-    vehicle = vehicle_of_log(DATA / "logs" / f"{name}.BIN.xz")
+    vehicle = vehicle_of_log(RECORDED / "logs" / f"{name}.BIN.xz")
     assert vehicle.attitude is not None
     return vehicle.attitude, vehicle.height
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, pose, seen
 
-VECTORS = DATA / "vectors" / "jitter_correction.jsonl.gz"
+VECTORS = RECORDED / "vectors" / "jitter_correction.jsonl.gz"
 Column = NDArray[np.int64]
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.estimators.motions import integrated
 from viso.geometry.rotation import Array, quats_from_euler
 from viso.logs.recorded import read_log
 from viso.vehicle.sensors.flown.source import read_flight
 
-LOG = DATA / "logs" / "flight_t265.BIN.xz"
+LOG = RECORDED / "logs" / "flight_t265.BIN.xz"
 HALF_A_STEP_US = 1250  # the rotation of a pass is what happened since the one before
 
 

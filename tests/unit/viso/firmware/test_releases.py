@@ -15,7 +15,7 @@ import pytest
 
 from mav_handlers.covariance import root_of_sum
 from mav_handlers.wire.messages import VISION_POSITION_ESTIMATE
-from tests.places import ROOT
+from tests.places import RECORDED, ROOT
 from tools import make_docs
 from viso.firmware import releases as table
 from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
@@ -24,7 +24,7 @@ from viso.testing import Autopilot, AutopilotOptions
 if TYPE_CHECKING:
     from tests.unit.viso.command_line import Viso
 
-CAPTURE = ROOT / "tests" / "data" / "captures" / "mav.jsonl.gz"
+CAPTURE = RECORDED / "captures" / "mav.jsonl.gz"
 PACKAGES = ("ap_core", "ap_visualodom", "ekf_stub", "mav_handlers", "viso")
 MADE_UP = "made-up"
 

@@ -14,11 +14,11 @@ import pytest
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ATT, COMMON_STRUCTURES, FMT
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.errors import InputError
 from viso.logs.recorded import read_columns, read_kinds, read_log, read_recorded_states, records_in
 
-FIRMWARE_LOG = DATA / "logs" / "t265.BIN.xz"
+FIRMWARE_LOG = RECORDED / "logs" / "t265.BIN.xz"
 
 XKF1 = ("XKF1", "TimeUS,C,PN,PE,PD", "QBfff")
 XKF4 = ("XKF4", "TimeUS,C,SS", "QBI")

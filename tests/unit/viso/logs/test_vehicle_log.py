@@ -8,7 +8,7 @@ from typing import Any, Final
 import pytest
 
 from ap_core.log_structure import MSG
-from tests.places import DATA
+from tests.places import PARITY, RECORDED
 from tests.unit.viso.log_records import records
 from viso.firmware.log_releases import MSG_NUMBERED, number_and_piece
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
@@ -17,9 +17,9 @@ from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 RECORDED: Final = {
-    JULY_2025.name: DATA / "logs" / "t265.BIN.xz",
-    FEBRUARY_2026.name: DATA / "2026-02" / "logs" / "t265.BIN.xz",
-    APRIL_2026.name: DATA / "2026-04" / "logs" / "voxl.BIN.xz",
+    JULY_2025.name: RECORDED / "logs" / "t265.BIN.xz",
+    FEBRUARY_2026.name: PARITY / "2026-02" / "logs" / "t265.BIN.xz",
+    APRIL_2026.name: PARITY / "2026-04" / "logs" / "voxl.BIN.xz",
 }
 
 recorded_firmware = pytest.mark.parametrize(

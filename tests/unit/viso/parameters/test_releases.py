@@ -11,16 +11,16 @@ import pytest
 
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
-from tests.places import DATA
+from tests.places import PARITY, RECORDED
 from tests.unit.viso.log_records import records
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
 from viso.parameters import flying
 from viso.parameters.table import make_groups
 
 RECORDED: Final = {
-    JULY_2025.name: DATA / "logs" / "t265.BIN.xz",
-    FEBRUARY_2026.name: DATA / "2026-02" / "logs" / "t265.BIN.xz",
-    APRIL_2026.name: DATA / "2026-04" / "logs" / "voxl.BIN.xz",
+    JULY_2025.name: RECORDED / "logs" / "t265.BIN.xz",
+    FEBRUARY_2026.name: PARITY / "2026-02" / "logs" / "t265.BIN.xz",
+    APRIL_2026.name: PARITY / "2026-04" / "logs" / "voxl.BIN.xz",
 }
 LINKS = 3  # in the recordings
 SINCE_FEBRUARY: Final = {

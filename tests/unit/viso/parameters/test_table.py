@@ -13,13 +13,13 @@ from pymavlink.DFReader import DFReader_binary
 
 from ap_core.param import Param, ParamGroup, ParamInfo, ParamTable, ParamType
 from ap_visualodom.ap_visualodom import make_params
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.parameters.releases import MAX_LINKS, STREAM_NAMES
 from viso.parameters.store import MemoryParamStore, ParamStore, StoredParams
 from viso.parameters.table import make_groups
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
-LOG = DATA / "logs" / "flight_t265.BIN.xz"
+LOG = RECORDED / "logs" / "flight_t265.BIN.xz"
 LINKS_OF_THE_LOG = 3
 VISO = (ParamInfo("_TYPE", ParamType.INT8, 0, "backend"),)
 

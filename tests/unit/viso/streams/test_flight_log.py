@@ -24,7 +24,7 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.conftest import odometry
 from viso.errors import InputError
 from viso.firmware.flown import FlownVersion
@@ -34,7 +34,7 @@ from viso.replay.feed import Replay
 from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
-LOGS = DATA / "logs"
+LOGS = RECORDED / "logs"
 LAYOUTS = {layout.name: layout for layout in (VISP, VISV, VISO)}
 START_US = 3_000_000
 EXACT = ("TimeUS", "RTimeUS", "PX", "PY", "PZ", "PErr", "AErr", "VX", "VY", "VZ", "VErr", "Rst", "Ign", "Q")

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.sweep.plan import SweepPlan
 from viso.sweep.planning import make_plan
 from viso.sweep.request import SweepRequest
 
-CAPTURE = DATA / "captures" / "mav.jsonl.gz"
+CAPTURE = RECORDED / "captures" / "mav.jsonl.gz"
 UNTIL_S = 5.6
 
 MakePlan = Callable[..., SweepPlan]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ekf_stub.ahrs.ahrs_recorded import RecordedStates
-from tests.places import DATA
+from tests.places import DATA, RECORDED
 from tests.unit.viso.command_line import Viso
 from tests.unit.viso.sweep.conftest import CAPTURE, UNTIL_S, MakePlan
 from viso.errors import InputError
@@ -22,7 +22,7 @@ from viso.sweep.job import Result, read_reference, run_point, timeline_of
 from viso.sweep.plan import Faults, SweepPlan
 
 FLIGHT = DATA / "trajectories" / "flight.tum"
-LOG = DATA / "logs" / "prearm.BIN.xz"
+LOG = RECORDED / "logs" / "prearm.BIN.xz"
 USUAL = TrajectoryOptions()
 LOSS = "faults: [{kind: loss, probability: 0.5}, {kind: delay, delay_ms: 40}]\nseed: 3\n"
 

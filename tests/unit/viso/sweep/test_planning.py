@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.places import DATA
+from tests.places import DATA, PARITY, RECORDED
 from tests.unit.viso.sweep.conftest import CAPTURE, MakePlan
 from viso.errors import InputError
 from viso.streams.stream_kinds import TrajectoryOptions
@@ -66,7 +66,7 @@ def test_timeline_is_checked_with_the_values_that_it_will_have(make_plan_of: Mak
 @pytest.mark.slow
 def test_flight_log_with_sensors_is_replayed_with_them(make_plan_of: MakePlan, tmp_path: Path) -> None:
     log = tmp_path / "short.BIN"
-    with lzma.open(DATA / "logs" / "prearm.BIN.xz") as whole:
+    with lzma.open(RECORDED / "logs" / "prearm.BIN.xz") as whole:
         log.write_bytes(whole.read(300_000))
     assert make_plan_of(streams=[log]).recordings[0].imu == f"log:{log}"
     assert make_plan_of(streams=[log], imu="follow").recordings[0].imu == "follow"
@@ -80,7 +80,7 @@ def test_capture_has_the_sensors_of_the_log_of_its_name(make_plan_of: MakePlan, 
     beside = tmp_path / "prearm.jsonl.gz"
     beside.symlink_to(capture)
     assert make_plan_of(streams=[beside]).recordings[0].imu == "follow"
-    (tmp_path / "prearm.BIN.xz").symlink_to(DATA / "logs" / "prearm.BIN.xz")
+    (tmp_path / "prearm.BIN.xz").symlink_to(RECORDED / "logs" / "prearm.BIN.xz")
     assert make_plan_of(streams=[beside]).recordings[0].imu == f"log:{tmp_path}/prearm.BIN.xz"
 
 
@@ -98,5 +98,5 @@ def test_draws_faults_and_trajectories_are_as_asked(make_plan_of: MakePlan) -> N
 
 
 def test_streams_of_one_name_are_told_apart_by_their_paths(make_plan_of: MakePlan) -> None:
-    other = DATA / "2026-02" / "captures" / "mav.jsonl.gz"
+    other = PARITY / "2026-02" / "captures" / "mav.jsonl.gz"
     assert [one.name for one in make_plan_of(streams=[CAPTURE, other]).recordings] == [str(CAPTURE), str(other)]

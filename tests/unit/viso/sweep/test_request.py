@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.sweep.conftest import CAPTURE
 from viso.errors import InputError
 from viso.sweep import planning
@@ -55,7 +55,7 @@ def whole(tmp_path: Path, toml: Toml, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "loss.yaml").write_text("faults: [{kind: loss}]")
     (tmp_path / "logs").mkdir()
     for name, there in (("mav", "prearm"), ("t265", "t265")):
-        (tmp_path / "logs" / f"{name}.BIN.xz").symlink_to(DATA / "logs" / f"{there}.BIN.xz")
+        (tmp_path / "logs" / f"{name}.BIN.xz").symlink_to(RECORDED / "logs" / f"{there}.BIN.xz")
     return toml(WHOLE)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.errors import InputError
 from viso.terminal.ahrs import AhrsChoice, ahrs_maker
 from viso.vehicle.sensors.flown.source import RecordedSource
@@ -21,7 +21,7 @@ from viso.vehicle.sensors.standing import BenchSource
 from viso.vehicle.sensors.stream.follow import FollowSource
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
-LOG = DATA / "logs" / "prearm.BIN.xz"
+LOG = RECORDED / "logs" / "prearm.BIN.xz"
 NOTHING = AhrsChoice(None, None, None, 0, 0.0)
 
 

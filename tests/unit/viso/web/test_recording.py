@@ -19,7 +19,7 @@ from viso.web.server import RecordingBroadcaster, encode
 @pytest.fixture(scope="module")
 def shown() -> dict[str, Any]:
     """Return what a page is told of a replayed capture."""
-    stream = read_capture(ROOT / "tests/data/captures/dropout.jsonl.gz")
+    stream = read_capture(ROOT / "tests/data/parity/2025-07/captures/dropout.jsonl.gz")
     recorder = ReplayRecorder(stream.name)
     setup = ReplaySetup(ahrs_maker(AhrsChoice(None, None, None, 0, 0.0), "follow"), with_filter=True)
     run_replay(stream, stream.params, setup, on_start=recorder.start)

@@ -10,7 +10,7 @@ import pytest
 
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW, SYS_STATUS
-from tests.places import DATA, SHARED
+from tests.places import RECORDED, SHARED
 from tests.unit.viso.doctor.evidences import changed
 from tests.unit.viso.doctor.ground_flights import Timed, evidence_of, findings_of, flight, with_fault
 from viso.doctor import CHECKS, Evidence, Finding, Severity, diagnose, gather
@@ -266,7 +266,7 @@ def test_what_a_log_does_not_hold_is_no_fault(sound: Evidence) -> None:
 
 
 def test_log_of_replay_records_alone_has_ranges() -> None:
-    path = DATA / "logs" / "flow_take_off.BIN.xz"
+    path = RECORDED / "logs" / "flow_take_off.BIN.xz"
     evidence = gather(read_whole_stream(path, 0), vehicle=vehicle_of_log(path), is_tried=False)
     assert [(one.origin, one.looks_down, bool(one.is_good.any())) for one in evidence.vehicle.ground.ranges] == [
         ("RRNI", True, True)

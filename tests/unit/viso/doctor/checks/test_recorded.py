@@ -17,7 +17,7 @@ from ap_core.dataflash_columns import LogColumns
 from ekf_stub.inputs.ingest_rules import FUSED, GATE_POSITION
 from ekf_stub.log.ekf_log_structure import XKFS
 from ekf_stub.reports import AidingMode
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.command_line import Viso
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.checks.test_outcome import message
@@ -406,11 +406,11 @@ def test_model_does_not_say_that_navigation_begins_where_it_never_did() -> None:
 
 @pytest.mark.parametrize("name", ["flight_t265", "flight_mav_extyaw", "voxl", "t265", "prearm"])
 def test_recorded_flight_that_went_well_shows_nothing(name: str) -> None:
-    assert not found_in(own_filter_in(read_columns(DATA / "logs" / f"{name}.BIN.xz")))
+    assert not found_in(own_filter_in(read_columns(RECORDED / "logs" / f"{name}.BIN.xz")))
 
 
 def test_recorded_flight_that_went_wrong_shows_it() -> None:
-    found = found_in(own_filter_in(read_columns(DATA / "logs" / "flight_voxl_reset.BIN.xz")))
+    found = found_in(own_filter_in(read_columns(RECORDED / "logs" / "flight_voxl_reset.BIN.xz")))
     assert [(one.code, one.severity) for one in found] == [
         *(("XN9-10", Severity.ERROR), ("XN9-10", Severity.ERROR), ("XN9-13", Severity.ERROR)),
         *(("XN9-16", Severity.ERROR), ("XN9-14", Severity.WARNING)),
@@ -435,7 +435,7 @@ def tampered(log: bytes, label: str, value: float, start_s: float, end_s: float)
 def test_flight_whose_filter_rejected_its_yaw_begins_with_that(viso: Viso, tmp_path: Path) -> None:
     log = tmp_path / "flight.BIN"
     log.write_bytes(
-        tampered(lzma.decompress((DATA / "logs" / "flight_mav_extyaw.BIN.xz").read_bytes()), "SM", 4, 30, 70)
+        tampered(lzma.decompress((RECORDED / "logs" / "flight_mav_extyaw.BIN.xz").read_bytes()), "SM", 4, 30, 70)
     )
     outcome = viso("doctor", log, "--json")
     first, *_ = json.loads(outcome.out)["findings"]
@@ -447,7 +447,7 @@ def test_flight_whose_filter_rejected_its_yaw_begins_with_that(viso: Viso, tmp_p
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["flight_t265", "flight_mav_extyaw"])
 def test_flight_that_went_well_stays_without_a_warning(viso: Viso, name: str) -> None:
-    outcome = viso("doctor", DATA / "logs" / f"{name}.BIN.xz", "--json", "--fail-on", "warning")
+    outcome = viso("doctor", RECORDED / "logs" / f"{name}.BIN.xz", "--json", "--fail-on", "warning")
     assert outcome.code == 0, outcome.out
     assert json.loads(outcome.out)["summary"]["own_filter"]["record"] == "XKF4"
 

@@ -21,7 +21,7 @@ from mav_handlers.wire.messages import (
     PARAM_VALUE,
     SCALED_PRESSURE,
 )
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.doctor.evidences import START_US, changed, evidence_of, findings_of, pose, stream_of
 from tests.unit.viso.doctor.streams import LEAD_US, codes, examine, faulty, piece, shifted
 from tests.unit.viso.report.log_maker import LogMaker
@@ -258,13 +258,13 @@ def test_source_that_was_the_stream_once_remains_so() -> None:
 
 
 def test_recorded_flight_by_external_navigation_proves_nothing() -> None:
-    assert vehicle_of_log(DATA / "logs" / "flight_t265.BIN.xz").position is None
+    assert vehicle_of_log(RECORDED / "logs" / "flight_t265.BIN.xz").position is None
 
 
 @pytest.fixture(scope="module")
 def truth() -> PositionSeries:
     """Return the path of the recorded flight as if another sensor had seen it, from a time since boot on."""
-    states = read_recorded_states(DATA / "logs" / "flight_t265.BIN.xz")
+    states = read_recorded_states(RECORDED / "logs" / "flight_t265.BIN.xz")
     noise = np.random.default_rng(3).normal(0, 0.02, states.pos_ned.shape)
     by_us = LEAD_US - 40_000_000
     return PositionSeries("GPS", np.asarray(states.pos_time_us, np.int64) + by_us, states.pos_ned + noise)

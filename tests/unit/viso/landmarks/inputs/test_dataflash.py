@@ -13,13 +13,13 @@ import pytest
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
 from ap_core.log_structure import FMT, FMTU, MULT, PARM, UNIT
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.errors import InputError
 from viso.landmarks.inputs.base import InputFileError
 from viso.landmarks.inputs.dataflash import DataFlashFile
 from viso.landmarks.types import AircraftReport, Event, GeodeticPoint, GlobalFix, VehiclePose
 
-LOGS = DATA / "logs"
+LOGS = RECORDED / "logs"
 KNOWN = 1 << 3 | 1 << 5
 Record = tuple[str, Sequence[LogValue]]
 

@@ -16,7 +16,7 @@ import pytest
 from ap_core.dataflash import DataFlashWriter
 from ap_core.dataflash_dtype import texts_of
 from ap_core.log_structure import COMMON_STRUCTURES
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.errors import InputError
 from viso.logs.logger import STRUCTURES
 from viso.logs.recorded import read_columns
@@ -26,7 +26,7 @@ from viso.replay.ekf.run import LABELS, EkfRun, replay_ekf
 Record = tuple[str, dict[str, Any]]
 Change = Callable[[str, dict[str, Any], int], Iterable[Record]]
 
-LOG = DATA / "logs" / "voxl.BIN.xz"
+LOG = RECORDED / "logs" / "voxl.BIN.xz"
 BY_NAME = {structure.name: structure for structure in STRUCTURES}
 END_US = 5_250_000
 LONG_ENOUGH = 400_000  # bytes

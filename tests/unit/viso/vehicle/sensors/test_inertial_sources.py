@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ekf_stub.inputs.sensors import SensorSource
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.errors import InputError
 from viso.vehicle.sensors.flown.source import RecordedSource
 from viso.vehicle.sensors.hil import HilSource
@@ -19,7 +19,7 @@ from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.standing import BenchSource
 from viso.vehicle.sensors.stream.follow import FollowSource
 
-FIRMWARE_LOG = DATA / "logs" / "prearm.BIN.xz"
+FIRMWARE_LOG = RECORDED / "logs" / "prearm.BIN.xz"
 BEGINNING = 300_000
 KINDS = {
     "bench": BenchSource,

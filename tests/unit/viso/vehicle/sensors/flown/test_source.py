@@ -15,13 +15,13 @@ from ap_core.log_structure import ATT, COMMON_STRUCTURES
 from ekf_stub.core.inertial import DownSampler, Inertial
 from ekf_stub.inputs.measurements import InertialDelta, numbers_of
 from ekf_stub.inputs.sensors import Sensors
-from tests.places import DATA
+from tests.places import RECORDED
 from viso.errors import InputError
 from viso.vehicle.sensors.errors import SensorErrors
 from viso.vehicle.sensors.flown.source import RecordedSource, read_recorded_source
 from viso.vehicle.sensors.source import ImuOptions
 
-FIRMWARE_LOG = DATA / "logs" / "prearm.BIN.xz"
+FIRMWARE_LOG = RECORDED / "logs" / "prearm.BIN.xz"
 LOOP_US = 2500
 DT = 0.0025
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ekf_stub.reports import CoreReport
-from tests.places import DATA
+from tests.places import RECORDED
 from tests.unit.viso.vehicle.sensors.conftest import LEVEL, LOOP_US, FilterLoop, Three, Wxyz, yawed
 from viso.logs.recorded import read_log
 from viso.vehicle.sensors.source import ImuOptions
@@ -19,7 +19,7 @@ from viso.vehicle.sensors.stream.follow import FollowSource
 if TYPE_CHECKING:
     from tests.unit.viso.vehicle.sensors.conftest import MakeLoop
 
-LOGS = DATA / "logs"
+LOGS = RECORDED / "logs"
 POSE_US = 33_333
 FIRST_POSE_US = 1_000_000
 EVENT_S = 8.0
