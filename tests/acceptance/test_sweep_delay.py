@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.places import DATA, RECORDED
+from tests.places import RECORDED
 from tests.unit.viso.sweep.late_camera import late_camera
 from viso.sweep.best import Best
 from viso.sweep.job import run_point
@@ -44,7 +44,7 @@ def test_delay_that_is_known_is_found(tmp_path: Path) -> None:
 def test_delay_of_the_recorded_flight_is_found() -> None:
     best = best_delay(
         streams=[RECORDED / "captures" / "flight_t265.jsonl.gz"],
-        imu=f"log:{DATA}/logs/{{name}}.BIN.xz",
+        imu=f"log:{RECORDED}/logs/{{name}}.BIN.xz",
         set=["VISO_DELAY_MS=0:40:20"],
         until=55.0,
     )

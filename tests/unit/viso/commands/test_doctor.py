@@ -14,7 +14,7 @@ import pytest
 
 from mav_handlers.links import make_pair
 from mav_handlers.wire.codec import Codec
-from tests.places import ROOT
+from tests.places import RECORDED, ROOT
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.corpus import CORPUS
@@ -22,6 +22,7 @@ from tests.unit.viso.doctor.streams import LEAD_US, SETUP, piece
 from tests.unit.viso.doctor.vehicles import GPS_ALONE, MANY, SOURCES, logged
 from viso.commands import doctor as doctor_command
 from viso.doctor import Evidence, gather
+from viso.firmware.releases import PROFILES
 from viso.streams.stream_kinds import Stream
 
 UNTIL_US = LEAD_US + 3_000_000
@@ -121,7 +122,7 @@ def test_nothing_is_assumed_of_what_is_given(viso: Viso) -> None:
 
 @pytest.mark.slow
 def test_attitude_comes_from_a_log(viso: Viso) -> None:
-    log = ROOT / "tests" / "data" / "logs" / "flight_t265.BIN.xz"
+    log = RECORDED / "logs" / "flight_t265.BIN.xz"
     outcome = viso("doctor", written("clean"), "--attitude", log, "--json", "--baud", "0")
     assert outcome.code in (0, 1)
     assert outcome.err == ""
@@ -177,7 +178,7 @@ def test_server_that_refuses_is_one_line(viso: Viso) -> None:
         (("x.tlog", "--heading", "nan"), "--heading nan: not an angle in degrees"),
         (
             ("x.tlog", "--firmware", "4.5"),
-            "--firmware 4.5: no such profile; there are 4.6, 2025-07, 2026-02, 4.7",
+            f"--firmware 4.5: no such profile; there are {', '.join(PROFILES)}",
         ),
         (("x.tlog", "--param", "VISO"), "--param 'VISO': not NAME=VALUE with a finite number"),
     ],

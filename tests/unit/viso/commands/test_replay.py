@@ -15,6 +15,7 @@ from tests.places import RECORDED, ROOT
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.vehicles import MAVPROXY, READY, beats, listed, recorded
+from viso.firmware.releases import PROFILES
 from viso.logs.files import single_log
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.stream_kinds import read_stream
@@ -121,7 +122,7 @@ def test_parameters_that_need_a_reboot_are_known() -> None:
 @pytest.mark.parametrize(("args", "line"), [
     (["--set", "VISO_TPYE=1"], "--set 'VISO_TPYE=1': unknown parameter VISO_TPYE"),
     (["--set", "VISO_SCALE"], "--set 'VISO_SCALE': not NAME=VALUE with a finite number"),
-    (["--firmware", "3.2"], "--firmware 3.2: no such profile; there are 4.6, 2025-07, 2026-02, 4.7, 2026-04"),
+    (["--firmware", "3.2"], f"--firmware 3.2: no such profile; there are {', '.join(PROFILES)}"),
     (["--axes", "up"], "--axes: 'up' is neither WORLD/BODY"),
     (["--rate", "0"], "--rate 0: not between 0.1 and 1000"),
 ])  # fmt: skip
@@ -152,7 +153,7 @@ def test_profile_of_the_firmware_may_be_named(viso: Viso) -> None:
 def test_serve_refuses_unknown_firmware_before_it_touches_anything(viso: Viso) -> None:
     assert failed_with(
         viso("serve", "--firmware", "3.2"),
-        "--firmware 3.2: no such profile; there are 4.6, 2025-07, 2026-02, 4.7, 2026-04",
+        f"--firmware 3.2: no such profile; there are {', '.join(PROFILES)}",
     )
     assert not Path("logs").exists()
 

@@ -16,7 +16,7 @@ from viso.logs.logger import STRUCTURES, MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
-RECORDED: Final = {
+LOGS: Final = {
     JULY_2025.name: RECORDED / "logs" / "t265.BIN.xz",
     FEBRUARY_2026.name: PARITY / "2026-02" / "logs" / "t265.BIN.xz",
     APRIL_2026.name: PARITY / "2026-04" / "logs" / "voxl.BIN.xz",
@@ -55,7 +55,7 @@ def layouts(data: bytes) -> dict[str, tuple[int, str, str]]:
 
 @recorded_firmware
 def test_layouts_are_those_of_the_recorded_log(firmware: Firmware) -> None:
-    recorded = layouts(lzma.decompress(RECORDED[firmware.name].read_bytes()))
+    recorded = layouts(lzma.decompress(LOGS[firmware.name].read_bytes()))
     own = map(firmware.log.own, STRUCTURES)
     ours = {one.name: (one.msg_type, one.format, one.labels) for one in own}
     common = ours.keys() & recorded.keys()
@@ -65,7 +65,7 @@ def test_layouts_are_those_of_the_recorded_log(firmware: Firmware) -> None:
 
 @recorded_firmware
 def test_first_text_and_version_are_those_of_the_recorded_log(firmware: Firmware) -> None:
-    recorded, ours = lzma.decompress(RECORDED[firmware.name].read_bytes()), written(firmware)
+    recorded, ours = lzma.decompress(LOGS[firmware.name].read_bytes()), written(firmware)
     assert first(ours, "MSG")["Message"] == first(recorded, "MSG")["Message"]
     versions = [first(data, "VER") for data in (ours, recorded)]
     for version in versions:

@@ -17,7 +17,7 @@ from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILE
 from viso.parameters import flying
 from viso.parameters.table import make_groups
 
-RECORDED: Final = {
+LOGS: Final = {
     JULY_2025.name: RECORDED / "logs" / "t265.BIN.xz",
     FEBRUARY_2026.name: PARITY / "2026-02" / "logs" / "t265.BIN.xz",
     APRIL_2026.name: PARITY / "2026-04" / "logs" / "voxl.BIN.xz",
@@ -50,7 +50,7 @@ recorded_firmware = pytest.mark.parametrize(
 def recorded(name: str) -> dict[str, float]:
     """Return the parameters with their defaults that a log begins with, in their order."""
     found: dict[str, float] = {}
-    for kind, values, _ in records(lzma.decompress(RECORDED[name].read_bytes())):
+    for kind, values, _ in records(lzma.decompress(LOGS[name].read_bytes())):
         if kind == "VER":
             break
         if kind == "PARM":

@@ -76,7 +76,7 @@ def test_flight_log_with_sensors_is_replayed_with_them(make_plan_of: MakePlan, t
 @pytest.mark.slow
 def test_capture_has_the_sensors_of_the_log_of_its_name(make_plan_of: MakePlan, tmp_path: Path) -> None:
     capture = CAPTURE.parent / "prearm.jsonl.gz"
-    assert make_plan_of(streams=[capture]).recordings[0].imu == f"log:{DATA}/logs/prearm.BIN.xz"
+    assert make_plan_of(streams=[capture]).recordings[0].imu == f"log:{RECORDED}/logs/prearm.BIN.xz"
     beside = tmp_path / "prearm.jsonl.gz"
     beside.symlink_to(capture)
     assert make_plan_of(streams=[beside]).recordings[0].imu == "follow"
