@@ -28,12 +28,14 @@ class RecordedStates:
         att_rpy_deg: shape (n, 3), roll, pitch, yaw in degrees.
         pos_time_us: shape (m,), times of the XKF1 records that hold a valid position.
         pos_ned: shape (m, 3), metres NED from the EKF origin.
+        start_us: when the AHRS started.
     """
 
     att_time_us: Array
     att_rpy_deg: Array
     pos_time_us: Array
     pos_ned: Array
+    start_us: int = AHRS_START_US
 
     def __post_init__(self) -> None:
         if len(self.att_time_us) == 0:
@@ -52,10 +54,8 @@ class RecordedAhrs(AhrsBase):
         sources: EkfSources,
         log: ExtNavLog,
         states: RecordedStates,
-        *,
-        start_us: int = AHRS_START_US,
     ) -> None:
-        super().__init__(clock, sources, log, start_us=start_us)
+        super().__init__(clock, sources, log, start_us=states.start_us)
         self._states = states
         self._rpy_rad = np.unwrap(np.radians(states.att_rpy_deg), axis=0)
 

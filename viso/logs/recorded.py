@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from ap_core.dataflash_columns import LogColumns
 from ap_core.log_structure import FMT, HEAD_BYTE1, HEAD_BYTE2
+from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.ahrs.ahrs_recorded import RecordedStates
 from mav_handlers.links.packed import open_packed
 from viso.errors import InputError
@@ -29,6 +30,7 @@ Array = npt.NDArray[np.float64]
 _FIRST_BYTES: Final = bytes((HEAD_BYTE1, HEAD_BYTE2, FMT.msg_type))
 # For the mode and the time of day of a record; PARM is among them because flights change parameters.
 _FOLLOWED_BY_DFREADER: Final = ("GPS", "MODE", "MSG", "PARM", "STAT", "ORGN", "VER")
+_EKF3_INITIALISED: Final = "EKF3 IMU0 initialised"
 _HORIZONTAL_POSITION: Final = 1 << 3 | 1 << 4  # relative or absolute, of XKF4.SS
 _VERTICAL_POSITION: Final = 1 << 5
 
@@ -147,7 +149,22 @@ def recorded_states(path: Path, log: LogColumns) -> RecordedStates:
     with _as_input_errors(path):
         attitude = table_of(log, "ATT", ("TimeUS", "Roll", "Pitch", "Yaw"))
         position = valid_positions(log)
-    return RecordedStates(attitude[:, 0], attitude[:, 1:], position[:, 0], position[:, 1:])
+        start_us = _ahrs_start_us(log)
+    return RecordedStates(attitude[:, 0], attitude[:, 1:], position[:, 0], position[:, 1:], start_us)
+
+
+def _ahrs_start_us(log: LogColumns) -> int:
+    """Return when the AHRS of a log started, in us since boot: 2 s before EKF3 was initialised, to the ms.
+
+    AP_AHRS::update_EKF3 waits 1 s, and NavEKF3_core::InitialiseFilterBootstrap another. A log without that text began
+    later; the start is then that of the reference's recordings.
+    """
+    if not log.counts.get("MSG"):
+        return AHRS_START_US
+    texts = log.columns("MSG", ("TimeUS", "Message"))
+    times_us = (int(time_us) for time_us, text in zip(*texts.values(), strict=True) if text == _EKF3_INITIALISED)
+    initialised_us = next(times_us, None)
+    return AHRS_START_US if initialised_us is None else math.ceil(initialised_us / 1000 - 2000) * 1000
 
 
 def table_of(log: LogColumns, kind: str, labels: Sequence[str]) -> Array:

@@ -13,7 +13,8 @@ import pytest
 
 from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
-from ap_core.log_structure import ATT, COMMON_STRUCTURES, FMT
+from ap_core.log_structure import ATT, COMMON_STRUCTURES, FMT, MSG
+from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from tests.places import RECORDED
 from viso.errors import InputError
 from viso.logs.recorded import read_columns, read_kinds, read_log, read_recorded_states, records_in
@@ -49,6 +50,14 @@ def error_of(path: Path) -> str:
         read_recorded_states(path)
     assert "\n" not in str(raised.value)
     return str(raised.value)
+
+
+def test_start_of_the_ahrs_is_two_seconds_before_its_filter_was_initialised(path: Path) -> None:
+    text = MSG, (4_444_055, "EKF3 IMU0 initialised")
+    path.write_bytes(log_bytes(att(1000, 0, 0, 0)) + text[0].pack(text[1]))
+    assert read_recorded_states(path).start_us == 2_445_000
+    path.write_bytes(log_bytes(att(1000, 0, 0, 0)))
+    assert read_recorded_states(path).start_us == AHRS_START_US
 
 
 def test_attitudes_are_read(path: Path) -> None:
