@@ -50,6 +50,7 @@ from viso.faults.fault import parameters_of
 from viso.faults.kinds import FAULTS
 from viso.firmware.releases import PROFILES, Firmware
 from viso.geometry.frame_change import PRESETS as AXES
+from viso.parameters import sensors
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
 from viso.recording.outputs import FILES as RECORDING_FILES
@@ -249,6 +250,12 @@ _ORIGIN: Final = {
 }
 """By EndpointRelease.sends_origin_at_once."""
 
+_FLOW: Final = {
+    True: "`flow_rate_x` and `flow_rate_y` in rad/s once one is not zero; before, as earlier releases (read)",
+    False: "`flow_x` and `flow_y` times the period",
+}
+"""By Firmware.reads_flow_rates."""
+
 
 def _firmware() -> Iterator[tuple[str, ...]]:
     def row(what: str, cell: Callable[[Firmware], str]) -> tuple[str, ...]:
@@ -269,6 +276,7 @@ def _firmware() -> Iterator[tuple[str, ...]]:
     yield row("velocity's error in the MAV backend", lambda one: said(one.visual_odom.mav_vel_err))
     yield row("field of HIGHRES_IMU", lambda one: f"mGauss times {one.endpoint.highres_field_scale:g}")
     yield row("EKF failsafe", lambda one: " or ".join(f"`{text}`" for text in dict.fromkeys(one.variance_texts)))
+    yield row("flow of OPTICAL_FLOW", lambda one: _FLOW[one.reads_flow_rates])
     yield row("covariances of an IMU on ROS 2", lambda one: f"begin with {one.dds.unknown_covariance:g}")
     yield row(
         "status on ROS 2 without a change",
@@ -291,7 +299,9 @@ def _firmware() -> Iterator[tuple[str, ...]]:
 
 
 def _further(firmware: Firmware) -> Iterator[str]:
-    for prefix, rows in (("AHRS_", firmware.params.more_ahrs), ("STAT", firmware.params.more_stat)):
+    flow = [row for row in firmware.params.flow if row not in sensors.FLOW]
+    further = ("AHRS_", firmware.params.more_ahrs), ("STAT", firmware.params.more_stat), ("FLOW", flow)
+    for prefix, rows in further:
         yield from (prefix + row.name for row in rows)
 
 

@@ -60,6 +60,8 @@ class Firmware:
         ekf: what EKF3 does.
         dds: what its interface to ROS 2 does.
         variance_texts: the texts for variances of the EKF over thresholds, and for a lost position.
+        reads_flow_rates: whether flow_rate_x and flow_rate_y of OPTICAL_FLOW are read, in rad/s, once one of them is
+            not zero (AP_OpticalFlow_MAV::handle_msg); otherwise flow_x and flow_y alone are, times the period.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Firmware:
     ekf: FilterRelease
     dds: DdsRelease = _DDS_OF_2025
     variance_texts: tuple[str, str] = ("EKF variance", "EKF variance")
+    reads_flow_rates: bool = False
 
     @property
     def banner(self) -> str:
@@ -140,6 +143,7 @@ FEBRUARY_2026: Final = Firmware(
     params.FEBRUARY_2026,
     filters.FEBRUARY_2026,
     _DDS_OF_2026,
+    reads_flow_rates=True,
 )
 
 STABLE_4_7: Final = Firmware(
@@ -158,6 +162,7 @@ STABLE_4_7: Final = Firmware(
     params.STABLE_4_7,
     filters.STABLE_4_7,
     _DDS_OF_2026,
+    reads_flow_rates=True,
 )
 
 APRIL_2026: Final = Firmware(
@@ -177,6 +182,7 @@ APRIL_2026: Final = Firmware(
     filters.APRIL_2026,
     _DDS_OF_2026,
     ("EKF variance: over thresholds", "EKF variance: position lost"),
+    reads_flow_rates=True,
 )
 
 PROFILES: Final[Mapping[str, Firmware]] = MappingProxyType(

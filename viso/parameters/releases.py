@@ -62,6 +62,7 @@ class ParameterRelease:
         more_ahrs: rows that end the AHRS_ group.
         more_stat: rows that end the STAT_ group.
         flow_limit: what the limit of optical flow rates is called in the EK3_ group.
+        flow: the FLOW group.
         range_finder: the group of a range finder.
         range_unit: in what that is.
         flying: how the vehicle flies.
@@ -80,6 +81,7 @@ class ParameterRelease:
     more_ahrs: Sequence[ParamInfo] = ()
     more_stat: Sequence[ParamInfo] = ()
     flow_limit: str = FLOW_LIMIT
+    flow: Sequence[ParamInfo] = sensors.FLOW
     range_finder: Sequence[ParamInfo] = sensors.RANGE_FINDER
     range_unit: RangeUnit = _METRES
     flying: FlyingParameters = flying.IN_CENTIMETRES
@@ -266,6 +268,7 @@ FEBRUARY_2026: Final = ParameterRelease(
     _ORIGIN,
     _FLIGHTS,
     FLOW_LIMIT_LATER,
+    sensors.FLOW_WITH_OPTIONS,
     flying=flying.IN_METRES,
     vicon_has_quality=True,
 )

@@ -139,6 +139,11 @@ FLOW: Final = (
     ParamInfo("_ORIENT_YAW", INT16, 0, "How far the sensor is turned to the right", "cdeg", (-17999.0, 18000.0)),
     ParamInfo("_POS", VECTOR3F, _ZERO, "Place of the sensor on the vehicle", "m", (-5.0, 5.0)),
 )
+FLOW_WITH_OPTIONS: Final = (
+    *FLOW,
+    ParamInfo("_OPTIONS", INT16, 0, "Bits: 0 roll and pitch of the sensor are stabilised, as on a gimbal"),
+)
+"""Since 22 July 2025."""
 
 # The simulator's own camera (SITL/SIM_Vicon.cpp): ``viso serve --imu fly --vision vicon``.
 VICON: Final = (

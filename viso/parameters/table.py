@@ -153,7 +153,7 @@ def make_groups(
         _object("RCMAP_", copter.RCMAP, "RCMAP_"),
         make_ekf3_group(release.flow_limit),
         *(_object(f"RNGFND{number}_", release.range_finder, "RNGFND") for number in _RANGE_FINDERS),
-        _object("FLOW", sensors.FLOW, "FLOW"),
+        _object("FLOW", release.flow, "FLOW"),
         _object("", (*release.second_table, *copter.FRAME_CLASS), ""),
         *(_object(f"RC{stick}_", copter.RC_CHANNEL, "") for stick in range(1, copter.NUMBER_OF_STICKS + 1)),
         _object("", release.flying.spots.get(AFTER_RC, ()), ""),

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A flow sensor that OPTICAL_FLOW messages feed (AP_OpticalFlow/AP_OpticalFlow.cpp, AP_OpticalFlow_MAV.cpp)."""
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from ap_core.cint import float_of_u64, i32, u8, u16, u32
 from ap_core.clock import NEVER, Clock
-from ap_core.fmath import FLT_EPSILON, M_PI, cosf, f32, sinf
+from ap_core.fmath import FLT_EPSILON, M_PI, cosf, f32, ieee754, is_zero, sinf
 from ap_core.param import ParamTable
 from ap_core.param_cache import FromParams
 from ap_core.sinks import RecordSink
@@ -22,6 +23,8 @@ FLOW_TYPE_MAVLINK: Final = 5
 FLOW_PERIOD_US: Final = 5000
 HEALTHY_MS: Final = 500
 MASK_LOG_OPTFLOW: Final = 1 << 11
+STABILISED: Final = 1 << 0
+"""Of FLOW_OPTIONS: the sensor does not roll and pitch with the vehicle."""
 
 _TIMEOUT_S: Final = f32(0.5)
 _MICRO: Final = f32(1.0e-6)
@@ -45,13 +48,34 @@ Rates = tuple[np.float32, np.float32]
 """About the body's x and y axis, rad/s."""
 
 
+def _plus_integer(total: float, value: float) -> float:
+    return i32(int(total) + int(value))
+
+
+@ieee754
+def _plus_float(total: float, value: float) -> float:
+    return float(f32(total) + f32(value))
+
+
 class MavlinkFlow:
     """The flow sensor, if FLOW_TYPE was 5 at boot: averages flow between two updates, hands it over and logs it.
 
     ``newest`` is what was measured last; nothing has a quality of 0.
+
+    Args:
+        clock, params, ahrs, logger: the vehicle's.
+        reads_rates: whether the release reads ``flow_rate_x`` and ``flow_rate_y``, and has FLOW_OPTIONS.
     """
 
-    def __init__(self, clock: Clock, params: ParamTable, ahrs: AhrsBase, logger: RecordSink) -> None:
+    def __init__(
+        self, clock: Clock, params: ParamTable, ahrs: AhrsBase, logger: RecordSink, *, reads_rates: bool = False
+    ) -> None:
+        self._reads_rates = reads_rates
+        self._plus: Callable[[float, float], float] = _plus_float if reads_rates else _plus_integer
+        self._is_in_rad_s = False
+        self._is_stabilised = FromParams(
+            params, lambda: reads_rates and params.get_int("FLOW_OPTIONS") & STABILISED != 0
+        )
         self._clock = clock
         self._params = params
         self._ahrs = ahrs
@@ -68,7 +92,7 @@ class MavlinkFlow:
         self._reset_gyro()
 
     def _reset_flow(self) -> None:
-        self._flow_sum = (0, 0)
+        self._flow_sum = (0.0, 0.0)
         self._quality_sum = 0
         self._count = 0
 
@@ -92,8 +116,12 @@ class MavlinkFlow:
         if not self.enabled() or not self._has_driver:
             return False
         self._latest_frame_us = self._clock.micros64()
-        x, y = self._flow_sum
-        self._flow_sum = i32(x + packet.flow_x), i32(y + packet.flow_y)
+        rates = packet.flow_rate_x, packet.flow_rate_y
+        if self._reads_rates and not self._is_in_rad_s and not all(is_zero(f32(rate)) for rate in rates):
+            self._is_in_rad_s = True
+            self._reset_flow()
+        (x, y), (more_x, more_y) = self._flow_sum, rates if self._is_in_rad_s else (packet.flow_x, packet.flow_y)
+        self._flow_sum = self._plus(x, more_x), self._plus(y, more_y)
         self._quality_sum = u16(self._quality_sum + packet.quality)
         self._count = u16(self._count + 1)
         return True
@@ -133,17 +161,20 @@ class MavlinkFlow:
         yaw_rad = f32(self._params.get_int("FLOW_ORIENT_YAW")) * _CDEG
         return Mounting(scale_x, scale_y, yaw_rad, (x, y, z))
 
+    @ieee754
     def _flow_rates(self, dt: np.float32) -> Rates:
-        # The firmware multiplies with the time that it should divide by.
-        (x, y), mounting = self._flow_sum, self._mounting()
-        flow_x = f32(x) / f32(self._count) * mounting.scale_x * dt
-        flow_y = f32(y) / f32(self._count) * mounting.scale_y * dt
+        # The firmware multiplies flow_x and flow_y with the time that it should divide by.
+        (x, y), mounting, factor = self._flow_sum, self._mounting(), _ONE if self._is_in_rad_s else dt
+        flow_x = f32(x) / f32(self._count) * mounting.scale_x * factor
+        flow_y = f32(y) / f32(self._count) * mounting.scale_y * factor
         if abs(mounting.yaw_rad) < FLT_EPSILON:
             return flow_x, flow_y
         cos, sin = cosf(mounting.yaw_rad), sinf(mounting.yaw_rad)
         return flow_x * cos - flow_y * sin, flow_x * sin + flow_y * cos
 
     def _body_rates(self) -> Rates:
+        if self._is_stabilised():
+            return _ZERO, _ZERO
         x, y = self._gyro_sum
         return f32(x / f32(self._gyro_count)), f32(y / f32(self._gyro_count))
 

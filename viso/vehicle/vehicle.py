@@ -137,7 +137,9 @@ class Vehicle:
         self.visual_odom.init()
         self._camera_frames = FromParams(self.params, self._make_camera_frames)
         self.gps = MavlinkGps(self.clock, self.params, self.texts, self.logger, self._take_gps_time)
-        self.flow = MavlinkFlow(self.clock, self.params, self.ahrs, self.logger)
+        self.flow = MavlinkFlow(
+            self.clock, self.params, self.ahrs, self.logger, reads_rates=config.firmware.reads_flow_rates
+        )
         self.ranges = MavlinkRanges(self.clock, self.params, self.logger, config.firmware.params.range_unit)
         self.battery_monitor = self.params.get_int("BATT_MONITOR")
         self.copter = Copter(self)

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The flow sensor: averages between updates, rates, log records and health."""
 
+import math
 from collections.abc import Sequence
-from typing import Any, cast
+from dataclasses import replace
+from typing import Any, Final, cast
 
 import numpy as np
 import pytest
@@ -20,6 +22,8 @@ from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.inputs.measurements import FlowMeasurement
 from mav_handlers.wire.messages import OPTICAL_FLOW
 from viso.firmware.log_releases import OF
+from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES, Firmware
+from viso.parameters.sensors import FLOW_WITH_OPTIONS
 from viso.parameters.table import make_groups
 from viso.vehicle.flow import MavlinkFlow
 
@@ -30,18 +34,24 @@ def flow(x: int, y: int = 0, quality: int = 100) -> OPTICAL_FLOW:
     return OPTICAL_FLOW(0, 0, x, y, 9.0, 9.0, quality, 9.0, 9.0, 9.0)
 
 
-class Rig:
-    """A flow sensor that is updated every 5 ms, on a vehicle with given body rates."""
+def in_rad_s(x: float, y: float = 0.0, quality: int = 100) -> OPTICAL_FLOW:
+    """Return a message with rates in rad/s beside other flow_x and flow_y."""
+    return OPTICAL_FLOW(0, 0, 100, -50, 9.0, 9.0, quality, 9.0, x, y)
 
-    def __init__(self, flow_type: int = 5, **params: float) -> None:
+
+class Rig:
+    """A flow sensor of a release that is updated every 5 ms, on a vehicle with given body rates."""
+
+    def __init__(self, flow_type: int = 5, firmware: Firmware = JULY_2025, **params: float) -> None:
         self.clock = VirtualClock()
-        self.params = ParamTable(make_groups(1, make_params()))
+        self.params = ParamTable(make_groups(1, make_params(), firmware.params))
         for name, value in {"FLOW_TYPE": flow_type, **params}.items():
             self.params.set(name, value)
         self.gyro = Vector3f()
         self.records: list[dict[str, Any]] = []
         self.measured: list[tuple[FlowMeasurement, int]] = []
-        self.flow = MavlinkFlow(self.clock, self.params, cast(AhrsBase, self), self)
+        ahrs = cast(AhrsBase, self)
+        self.flow = MavlinkFlow(self.clock, self.params, ahrs, self, reads_rates=firmware.reads_flow_rates)
         self.clock.set_us(3_000_000)
 
     def get_gyro(self) -> Vector3f:
@@ -232,3 +242,86 @@ def test_it_is_healthy_for_half_a_second() -> None:
     assert rig.flow.healthy()
     rig.run_us(5000)
     assert not rig.flow.healthy()
+
+
+READS_RATES: Final = tuple(firmware for firmware in PROFILES.values() if firmware.reads_flow_rates)
+later = pytest.mark.parametrize("firmware", READS_RATES, ids=lambda one: one.name)
+
+
+def test_releases_that_read_flow_rates() -> None:
+    assert [firmware.name for firmware in READS_RATES] == ["2026-02", "4.7", "2026-04"]
+    assert [name for name, one in PROFILES.items() if one.params.flow is FLOW_WITH_OPTIONS] == [
+        firmware.name for firmware in READS_RATES
+    ]
+
+
+@later
+def test_rates_in_rad_s_are_not_multiplied(firmware: Firmware) -> None:
+    rig = Rig(firmware=firmware, FLOW_FXSCALER=-800)
+    rig.see(in_rad_s(1.0))
+    rig.run_us(95_000)
+    record = rig.see(in_rad_s(0.5, -0.25))
+    assert (record["flowX"], record["flowY"]) == (pytest.approx(0.1), -0.25)
+
+
+def test_rates_in_rad_s_are_turned_as_the_sensor_is() -> None:
+    rig = Rig(firmware=FEBRUARY_2026, FLOW_ORIENT_YAW=9000)
+    rig.see(in_rad_s(1.0))
+    record = rig.see(in_rad_s(0.5, -0.25))
+    assert (record["flowX"], record["flowY"]) == pytest.approx((0.25, 0.5))
+
+
+@pytest.mark.parametrize("firmware", [one for one in PROFILES.values() if one not in READS_RATES], ids=lambda o: o.name)
+def test_earlier_releases_ignore_rates_in_rad_s(firmware: Firmware) -> None:
+    rig = Rig(firmware=firmware)
+    rig.see(in_rad_s(1.0))
+    rig.run_us(95_000)
+    record = rig.see(in_rad_s(0.5, -0.25))
+    assert (record["flowX"], record["flowY"]) == (pytest.approx(10.0), pytest.approx(-5.0))
+
+
+@later
+@pytest.mark.parametrize("rates", [(0.0, 0.0), (1e-7, -1e-7)])
+def test_flow_x_and_flow_y_count_while_no_rate_differs_from_zero(
+    firmware: Firmware, rates: tuple[float, float]
+) -> None:
+    rig = Rig(firmware=firmware)
+    rig.see(in_rad_s(*rates))
+    rig.run_us(95_000)
+    record = rig.see(in_rad_s(*rates))
+    assert (record["flowX"], record["flowY"]) == (pytest.approx(10.0), pytest.approx(-5.0))
+
+
+@pytest.mark.parametrize("rates", [(0.5, 0.0), (0.0, 0.5), (math.nan, 0.0)])
+def test_after_the_first_rate_in_rad_s_only_rates_count(rates: tuple[float, float]) -> None:
+    rig = Rig(firmware=FEBRUARY_2026)
+    rig.see(in_rad_s(*rates))
+    record = rig.see(in_rad_s(0.0, 0.0))
+    assert (record["flowX"], record["flowY"]) == (0.0, 0.0)
+
+
+def test_first_rate_in_rad_s_forgets_what_was_summed() -> None:
+    rig = Rig(firmware=FEBRUARY_2026)
+    rig.see(flow_without_rate := replace(flow(1000), flow_rate_x=0.0, flow_rate_y=0.0))
+    record = rig.see(flow_without_rate, in_rad_s(0.5, quality=50), in_rad_s(0.75, quality=60))
+    assert (record["flowX"], record["Qual"]) == (0.625, 55)
+
+
+def test_rates_that_are_no_numbers_reach_the_estimator_as_such() -> None:
+    rig = Rig(firmware=FEBRUARY_2026, FLOW_ORIENT_YAW=9000)
+    rig.see(in_rad_s(1.0))
+    for rate in (math.nan, math.inf):
+        record = rig.see(in_rad_s(rate, -rate), in_rad_s(-rate, rate))
+        assert math.isnan(record["flowX"])
+
+
+@later
+@pytest.mark.parametrize(("options", "body"), [(0, (1.0, 2.0)), (1, (0.0, 0.0)), (3, (0.0, 0.0)), (2, (1.0, 2.0))])
+def test_stabilised_sensor_has_no_body_rates(firmware: Firmware, options: int, body: tuple[float, float]) -> None:
+    rig = Rig(firmware=firmware, FLOW_OPTIONS=options)
+    rig.see(in_rad_s(1.0))
+    rig.gyro = Vector3f(1, 2, 3)
+    record = rig.see(in_rad_s(0.5, -0.25))
+    assert (record["bodyX"], record["bodyY"]) == body
+    assert (record["flowX"], record["flowY"]) == (0.5, -0.25)
+    assert rig.measured[-1][0].gyro == body
