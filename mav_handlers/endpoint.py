@@ -37,11 +37,13 @@ from mav_handlers.signing import SigningState
 from mav_handlers.transfers.ftp import FtpReply, FtpServer
 from mav_handlers.verdicts import (
     BAD_DATA_VERDICTS,
+    FLOW_NOT_READ,
     NO_HANDLER,
     NOT_ACCEPTED,
     NOT_ADDRESSED,
     OWN_MESSAGE,
     UNKNOWN_MESSAGE,
+    UNREAD_FLOW,
 )
 from mav_handlers.wire.codec import BadData, Codec, Header, Received
 from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, PARAM_VALUE, Message
@@ -197,7 +199,7 @@ class MavEndpoint:
             return NOT_ACCEPTED
         handler = None if message is None else HANDLERS.get(type(message))
         if handler is None:
-            return NO_HANDLER
+            return FLOW_NOT_READ if header.name in UNREAD_FLOW else NO_HANDLER
         if type(message) not in VISION_MESSAGES:  # which are for the port alone
             self._rest.end()
         return handler(Context(self._vehicle, channel, header, now_us, read_us), message)

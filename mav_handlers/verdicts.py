@@ -73,6 +73,13 @@ NO_FLOW_SENSOR: Final = dropped(
     "no flow sensor takes it: FLOW_TYPE was not 5 at boot, or is 0 now",
     "AP_OpticalFlow.cpp, AP_OpticalFlow::handle_msg",
 )
+FLOW_NOT_READ: Final = dropped(
+    "flow_not_read",
+    "no release has a handler of it: OPTICAL_FLOW alone carries flow",
+    "GCS_Common.cpp, GCS_MAVLINK::handle_message",
+)
+UNREAD_FLOW: Final = frozenset({"OPTICAL_FLOW_RAD", "HIL_OPTICAL_FLOW"})
+"""The messages with that verdict."""
 NO_PRECISION_LANDING: Final = dropped(
     "no_precision_landing",
     "precision landing is off; the time stamp went through the link's time correction all the same",
@@ -166,6 +173,7 @@ ALL_VERDICTS: Final = (
     GPS_NOT_MAVLINK,
     GPS_OTHER_INSTANCE,
     NO_FLOW_SENSOR,
+    FLOW_NOT_READ,
     NO_PRECISION_LANDING,
     NO_RANGEFINDER,
     ADSB_OFF,

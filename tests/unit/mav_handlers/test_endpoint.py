@@ -14,12 +14,14 @@ from mav_handlers.endpoint import EVENTS_KEPT, MessageEvent
 from mav_handlers.verdicts import (
     BAD_CRC,
     BAD_PREFIX,
+    FLOW_NOT_READ,
     HANDLED,
     NO_HANDLER,
     NOT_ACCEPTED,
     NOT_ADDRESSED,
     OWN_MESSAGE,
     UNKNOWN_MESSAGE,
+    UNREAD_FLOW,
 )
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import (
@@ -305,6 +307,13 @@ class TestVerdicts:
 
     def test_message_of_the_dialect_that_nothing_handles(self, client: "Client") -> None:
         assert client.send_bytes(packed(RANGEFINDER))[0].verdict is NO_HANDLER
+
+    def test_flow_that_no_release_reads_has_a_verdict_of_its_own(self, client: "Client") -> None:
+        rad = dialect.MAVLink_optical_flow_rad_message(0, 0, 40_000, 0.1, 0.2, 0.0, 0.0, 0.0, 2000, 180, 0, 1.0)
+        hil = dialect.MAVLink_hil_optical_flow_message(0, 0, 40_000, 0.1, 0.2, 0.0, 0.0, 0.0, 2000, 180, 0, 1.0)
+        events = [client.send_bytes(packed(message))[0] for message in (rad, hil)]
+        assert {event.name for event in events} == UNREAD_FLOW
+        assert {event.verdict for event in events} == {FLOW_NOT_READ}
 
     def test_known_message_that_the_autopilot_only_sends(self, client: "Client") -> None:
         assert client.tell(ATTITUDE(0, 0, 0, 0, 0, 0, 0)) is NO_HANDLER

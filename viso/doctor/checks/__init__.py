@@ -190,6 +190,8 @@ CHECKS: Final = (
     flow.flow_without_range,
     flow.flow_rejected,
     flow.flow_not_judged,
+    flow.flow_not_read,
+    flow.flow_of_releases,
     ranging.range_missing,
     ranging.range_unused,
     ranging.range_not_down,

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """XNF: optical flow, and whether the filter can navigate by it."""
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -22,8 +23,9 @@ from viso.doctor.checks.ground_set_up import (
 from viso.doctor.checks.phrases import at, how_often, listed, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.flow_fit import FlowFit
-from viso.doctor.evidence.ground_sensors import FLOW, RANGE
+from viso.doctor.evidence.ground_sensors import FLOW, RANGE, FlowSeries, rates_by_driver
 from viso.doctor.evidence.own_filter import Witness
+from viso.doctor.evidence.tracks import Bools, Floats
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 from viso.estimators.series import stretches_of
 
@@ -32,6 +34,13 @@ _TO_NAVIGATE: Final = 1
 _TERRAIN_ONLY: Final = 2
 _LARGEST_DELAY_MS: Final = 127
 _LARGEST_SCALER: Final = 800
+
+_LATER: Final = "since 22 July 2025 (in 4.7)"
+_BY_PERIOD: Final = (
+    "Send flow_x and flow_y as the rate in rad/s divided by the period of the messages in s. Send them often and "
+    "evenly: a step of one is as many rad/s as the period has seconds."
+)
+_BY_RATE: Final = "Send flow_rate_x and flow_rate_y in rad/s: this release takes them as they are once one is not zero."
 
 _MAV_DRIVER: Final = "AP_OpticalFlow_MAV.cpp, AP_OpticalFlow_MAV::update"
 _WRITE: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeOptFlowMeas"
@@ -71,7 +80,9 @@ def flow_missing(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting(f"{names} 5 (OptFlow), and FLOW_TYPE is 0", severity=severity)
     elif use is not None and use != _TO_NAVIGATE:
         yield Sighting(f"{names} 5 (OptFlow), and EK3_FLOW_USE is {use:g}: it is not to navigate by", severity=severity)
-    elif not evidence.vehicle.ground.flows and (found := not_heard(evidence, FLOW, severity)) is not None:
+    elif evidence.vehicle.ground.flows or evidence.vehicle.ground.unread:  # the latter has a check of its own
+        return
+    elif (found := not_heard(evidence, FLOW, severity)) is not None:
         of = "" if kind is None else f" (FLOW_TYPE {kind:g})"
         yield Sighting(f"{names} 5 (OptFlow), and no flow was heard{of}{found[0]}", severity=found[1])
 
@@ -188,17 +199,59 @@ def _has_good_range(evidence: Evidence) -> bool:
     return any(one.looks_down and one.is_good.any() for one in evidence.vehicle.ground.ranges)
 
 
-def _scaler_advice(evidence: Evidence, fit: FlowFit) -> str:
-    """Return the parameters that correct a sensor's scale, in words."""
+def _period_s(flow: FlowSeries) -> float:
+    """Return the usual time from one message to the next."""
+    return float(np.median(np.diff(flow.time_us))) * 1e-6
+
+
+def _scaler_text(evidence: Evidence, fit: FlowFit) -> str:
+    """Return the scalers that correct a sensor's scale, in words; "" if they do not go so far."""
+    factors = fit.factors
+    if round((known_param(evidence, "FLOW_ORIENT_YAW") or 0.0) / 9000) % 2:
+        factors = factors[::-1]  # the scalers are those of the sensor's own axes
     found = []
-    for axis, factor in zip("XY", fit.factors, strict=True):
+    for axis, factor in zip("XY", factors, strict=True):
         now = known_param(evidence, f"FLOW_F{axis}SCALER") or 0.0
-        wanted = 1000 * ((1 + 0.001 * now) / factor - 1)
+        wanted = 1000 * ((1 + 0.001 * now) / factor - 1) if factor else math.inf
         if abs(wanted) > _LARGEST_SCALER:
-            return "Send flow in rad/s (divided by the period of the messages with FLOW_TYPE 5): no scaler goes so far."
+            return ""
         found.append(f"FLOW_F{axis}SCALER {wanted:.0f}")
-    driver = " With FLOW_TYPE 5 the scale goes with the time between messages." if fit.flow.units is not None else ""
-    return f"Set {' and '.join(found)}, or put the sensor right.{driver}"
+    return " and ".join(found)
+
+
+def _scale_advice(evidence: Evidence, fit: FlowFit) -> str:
+    """Return how to correct a sensor's scale, by what the release computes of what is sent, in words."""
+    flow, firmware = fit.flow, evidence.set_up.firmware
+    if fit.by_turning and max(map(abs, fit.factors)) < limits.FLOW_SCALE_OFF:
+        right = "set FLOW_OPTIONS 1"
+        if not firmware.reads_flow_rates or flow.units is None:
+            right = f"fix it to the frame (FLOW_OPTIONS 1 is for gimbals, {_LATER}, with FLOW_TYPE 5)"
+        return (
+            "The flow shows the velocity over the ground without the vehicle's turning. If a gimbal holds the sensor, "
+            f"{right}; else the sender must not take the turning out."
+        )
+    scalers = _scaler_text(evidence, fit)
+    by_scaler = f", or set {scalers}" if scalers else ": no scaler goes so far"
+    if flow.units is None:
+        what = "what the sensor says"
+        if known_param(evidence, "FLOW_TYPE") == _MAVLINK:
+            what = "flow_x of OPTICAL_FLOW times the time between messages"
+            if firmware.reads_flow_rates:
+                what = f"flow_rate_x of OPTICAL_FLOW (while all rates were 0, {what})"
+        return f"Put the sensor right{by_scaler}. {firmware.name} takes {what}, times (1 + FLOW_FXSCALER / 1000)."
+    if flow.takes_sent_rate.any():
+        return (
+            f"{firmware.name} takes flow_rate_x times (1 + FLOW_FXSCALER / 1000) as rad/s, whatever flow_x is: send "
+            f"flow_rate_x and flow_rate_y in rad/s{by_scaler}."
+        )
+    right = (
+        f"{firmware.name} takes flow_x times the time between messages ({_period_s(flow):.3g} s) times (1 + "
+        f"FLOW_FXSCALER / 1000) as rad/s: send flow_x and flow_y as rad/s divided by that time"
+    )
+    if flow.sent_rate is None or not flow.sent_rate.any():
+        by_rate = ", or rad/s as flow_rate_x and flow_rate_y" if firmware.reads_flow_rates else ""
+        return f"{right}{by_rate}{by_scaler}."
+    return f"{right}, and leave the scalers alone: {_LATER} they would scale flow_rate_x and flow_rate_y, which count."
 
 
 @check(
@@ -210,7 +263,10 @@ def _scaler_advice(evidence: Evidence, fit: FlowFit) -> str:
         "the flow looks like motion."
     ),
     source=_FUSE,
-    fix="Set FLOW_FXSCALER and FLOW_FYSCALER, in thousandths.",
+    fix=(
+        "Send what the release reads as rad/s: flow_rate_x and flow_rate_y, or else flow_x and flow_y times the time "
+        "between messages; FLOW_FXSCALER and FLOW_FYSCALER correct the rest, in thousandths."
+    ),
     witness=Witness.LOG,
 )
 def flow_scale(evidence: Evidence) -> Iterator[Sighting]:
@@ -221,9 +277,7 @@ def flow_scale(evidence: Evidence) -> Iterator[Sighting]:
         if off > limit and (fit.by_turning or _has_good_range(evidence)):
             text = f"flow about x is {x:.2f} times, about y {y:.2f} times what {_reference_text(fit)} makes"
             severity = None if off > limits.FLOW_SCALE_FAR_OFF else Severity.WARNING
-            yield _over_all_records(
-                fit, f"{text}, in {fit.count} measurements", _scaler_advice(evidence, fit), severity
-            )
+            yield _over_all_records(fit, f"{text}, in {fit.count} measurements", _scale_advice(evidence, fit), severity)
 
 
 @check(
@@ -317,32 +371,53 @@ def flow_gyro(evidence: Evidence) -> Iterator[Sighting]:
     severity=Severity.WARNING,
     title="FLOW_TYPE 5 multiplies flow by its period",
     firmware=(
-        "It reads only flow_x and flow_y of OPTICAL_FLOW, which are integers, and multiplies their mean by the time "
-        "since the last flow. So it expects rad/s divided by the period, not tenths of a pixel, and does not use "
-        "flow_rate_x."
+        "It reads flow_x and flow_y of OPTICAL_FLOW, which are integers, and multiplies their mean by the time since "
+        "the last flow. So it expects rad/s divided by the period, not tenths of a pixel. flow_rate_x and flow_rate_y "
+        f"are read {_LATER}: from the first one on that is not zero they alone count, as they are."
     ),
     source=_MAV_DRIVER,
-    fix=(
-        "Send flow_x and flow_y as the rate in rad/s divided by the period of the messages in s. Send them often and "
-        "evenly: a step of one is as many rad/s as the period has seconds."
-    ),
+    fix=_BY_PERIOD,
 )
 def flow_period(evidence: Evidence) -> Iterator[Sighting]:
     for flow in evidence.vehicle.ground.flows:
-        if flow.units is None or flow.sent_rate is None or len(flow) < limits.FEWEST_FLOW:
+        if flow.units is None or len(flow) < limits.FEWEST_FLOW or flow.takes_sent_rate.any():
             continue
         everything = np.ones(len(flow), np.bool_)
-        sent, taken = flow.sent_rate, flow.rate
-        known = np.isfinite(sent).all(axis=1) & (np.abs(sent).max(axis=1) > 0)
-        size = float((sent[known] ** 2).sum())
-        factor = float((sent[known] * taken[known]).sum()) / size if known.sum() >= limits.FEWEST_FLOW else 1.0
-        period_s = float(np.median(np.diff(flow.time_us))) * 1e-6
-        if abs(factor - 1) > limits.FLOW_SCALE_OFF:
-            text = f"of what flow_rate_x and flow_rate_y say the autopilot takes {factor:.3g} times as much"
+        known, factor = _times_sent(flow, flow.rate)
+        period_s = _period_s(flow)
+        if abs(factor - 1) > limits.FLOW_SCALE_OFF and not _is_right(evidence, flow):
+            text = (
+                f"of what flow_rate_x and flow_rate_y say the autopilot takes {factor:.3g} times as much; {_LATER} it "
+                "would take just that"
+            )
             yield in_records(text, flow, known, Severity.ERROR)
         elif period_s >= limits.FLOW_COARSE_S and flow.units.any():
             text = f"a message every {1e3 * period_s:.0f} ms: flow comes in steps of {period_s:.2f} rad/s"
-            yield in_records(text, flow, everything, None if period_s >= limits.FLOW_VERY_COARSE_S else Severity.NOTE)
+            severity = None if period_s >= limits.FLOW_VERY_COARSE_S else Severity.NOTE
+            fix = _BY_RATE if evidence.set_up.firmware.reads_flow_rates else None
+            yield in_records(text, flow, everything, severity, fix)
+
+
+def _is_right(evidence: Evidence, flow: FlowSeries) -> bool:
+    """Return whether the vehicle's motion makes just what the autopilot takes of a flow."""
+    return any(
+        fit.flow is flow and max(abs(factor - 1) for factor in fit.factors) <= limits.FLOW_SCALE_OFF
+        for fit in _fits(evidence, "flow")
+    )
+
+
+def _times_sent(flow: FlowSeries, taken: Floats) -> tuple[Bools, float]:
+    """Return which messages have flow_rate_x and flow_rate_y, and how many times these some rates are.
+
+    The factor is 1 if too few messages have them.
+    """
+    if flow.sent_rate is None:
+        return np.zeros(len(flow), np.bool_), 1.0
+    sent = flow.sent_rate
+    known = np.asarray(np.isfinite(sent).all(axis=1) & (np.abs(sent).max(axis=1) > 0), dtype=np.bool_)
+    size = float((sent[known] ** 2).sum())
+    enough = known.sum() >= limits.FEWEST_FLOW
+    return known, float((sent[known] * taken[known]).sum()) / size if enough else 1.0
 
 
 @check(
@@ -381,14 +456,14 @@ def flow_too_fast(evidence: Evidence) -> Iterator[Sighting]:
 def flow_frozen(evidence: Evidence) -> Iterator[Sighting]:
     turning = evidence.vehicle.ground.turning
     for flow in evidence.vehicle.ground.flows:
-        # What a companion sends is multiplied by a period that varies.
-        values = flow.rate if flow.units is None else flow.units
+        # What a companion sends may be multiplied by a period that varies.
+        values = flow.rate if flow.units is None or flow.takes_sent_rate.any() else flow.units
         same = np.append(False, (np.diff(values, axis=0) == 0).all(axis=1))
         same &= np.append(False, np.diff(flow.time_us) < limits.FLOW_UNHEALTHY_US)
         for start, end in stretches_of(same):
             since, until = int(flow.time_us[start - 1]), int(flow.time_us[end - 1])
             inside = (turning[:, 0] >= since) & (turning[:, 0] <= until - limits.FLOW_UNHEALTHY_US)  # flow may be late
-            step = 2 * float(np.median(np.diff(flow.time_us))) * 1e-6 if flow.units is not None else 0.0
+            step = 2 * _period_s(flow) if values is flow.units else 0.0
             if (
                 until - since < limits.FLOW_FROZEN_US
                 or end - start < limits.FEWEST_FLOW
@@ -492,3 +567,59 @@ def flow_not_judged(evidence: Evidence) -> Iterator[Sighting]:
             yield Sighting("EK3_SRCn_VELXY is 5 (OptFlow), and LOG_BITMASK does not say that flow is logged (OF)")
         elif evidence.vehicle.ground.health.get(FLOW):
             yield Sighting("SYS_STATUS calls the flow sensor healthy, and its flow is not in the recording")
+
+
+@check(
+    code="XNF-15",
+    severity=Severity.ERROR,
+    title="Flow in messages that ArduPilot does not read",
+    firmware="OPTICAL_FLOW_RAD and HIL_OPTICAL_FLOW have no handler, in any release: they are ignored without a word.",
+    source="GCS_Common.cpp, GCS_MAVLINK::handle_message",
+    fix=(
+        "Send OPTICAL_FLOW instead, with FLOW_TYPE 5: as flow_rate_x and flow_rate_y integrated_x and integrated_y "
+        "divided by integration_time_us * 1e-6 (rad/s, of the same signs), as flow_x and flow_y these rates divided by "
+        "the period of the messages in s, which earlier releases read, and the quality. Send the distance as "
+        "DISTANCE_SENSOR."
+    ),
+)
+def flow_not_read(evidence: Evidence) -> Iterator[Sighting]:
+    ground = evidence.vehicle.ground
+    has_other = bool(ground.flows or ground.health.get(FLOW)) or known_param(evidence, "FLOW_TYPE") not in (
+        None,
+        _MAVLINK,
+    )
+    for one in ground.unread:
+        text = f"{len(one)} messages, all ignored" + ("" if has_other else "; no other flow was heard")
+        yield in_records(text, one, np.ones(len(one), np.bool_), Severity.NOTE if has_other else None)
+
+
+@check(
+    code="XNF-16",
+    severity=Severity.NOTE,
+    title="Flow depends on the release",
+    firmware=(
+        f"OPTICAL_FLOW is read by flow_rate_x and flow_rate_y {_LATER}, once one is not zero, and by flow_x and flow_y "
+        "times the period before."
+    ),
+    source="AP_OpticalFlow_MAV.cpp, AP_OpticalFlow_MAV::handle_msg",
+    fix=(
+        "Send both, so that every release takes the same: flow_rate_x and flow_rate_y in rad/s, and flow_x and flow_y "
+        "as these rates divided by the period of the messages in s. replay --versus shows what two releases take."
+    ),
+)
+def flow_of_releases(evidence: Evidence) -> Iterator[Sighting]:
+    for flow in evidence.vehicle.ground.flows:
+        if flow.units is None or flow.sent_rate is None:
+            continue
+        none = np.zeros(len(flow), np.bool_)
+        known, factor = _times_sent(flow, rates_by_driver(flow.units, flow.sent_rate, none, flow.time_us, {}))
+        if abs(factor - 1) <= limits.FLOW_SCALE_OFF:
+            continue
+        if flow.takes_sent_rate.any():
+            text = f"releases that read flow_x and flow_y, such as 4.6, would take {factor:.3g} times as much"
+            yield in_records(text, flow, known)
+        elif _is_right(evidence, flow):
+            times = f"{1 / factor:.3g} times as much" if factor else "other flow"
+            yield in_records(
+                f"releases that read flow_rate_x and flow_rate_y, such as 4.7, would take {times}", flow, known
+            )

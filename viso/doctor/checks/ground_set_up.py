@@ -9,7 +9,7 @@ import numpy as np
 from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting
 from viso.doctor.evidence.evidence import Evidence
-from viso.doctor.evidence.ground_sensors import FLOW, FlowSeries, RangeFinder, RangeSeries, finders_in
+from viso.doctor.evidence.ground_sensors import FLOW, FlowSeries, RangeFinder, RangeSeries, UnreadFlow, finders_in
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.tracks import Bools, Floats, Ints
 
@@ -54,15 +54,20 @@ def not_heard(evidence: Evidence, sensor: str, severity: Severity | None) -> tup
     return "", Severity.WARNING if evidence.vehicle_witness is Witness.TELEMETRY else severity
 
 
-def in_records(text: str, one: FlowSeries | RangeSeries, mask: object, severity: Severity | None = None) -> Sighting:
+Records = FlowSeries | RangeSeries | UnreadFlow
+
+
+def in_records(
+    text: str, one: Records, mask: object, severity: Severity | None = None, fix: str | None = None
+) -> Sighting:
     """Return what the masked records of a sensor show, one at least."""
     chosen = np.flatnonzero(np.asarray(mask))
     times = one.time_us[chosen]
     numbers = one.numbers[chosen].tolist() if len(one.numbers) else []
-    return Sighting(f"{named(one)}: {text}", numbers, int(times[0]), int(times[-1]), severity=severity)
+    return Sighting(f"{named(one)}: {text}", numbers, int(times[0]), int(times[-1]), fix, severity)
 
 
-def named(one: FlowSeries | RangeSeries) -> str:
+def named(one: Records) -> str:
     """Return the name of a sensor in findings."""
     if isinstance(one, RangeSeries) and one.origin in ("RFND", "RRNI"):
         return f"{one.origin} {one.instance}"

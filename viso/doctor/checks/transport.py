@@ -43,8 +43,9 @@ _LOST_FIELDS: Final = {
     ),
 )
 def no_vision(evidence: Evidence) -> Iterator[Sighting]:
-    sent = any(one.units is not None for one in evidence.vehicle.ground.flows) or any(
-        one.is_sent for one in evidence.vehicle.ground.ranges
+    ground = evidence.vehicle.ground
+    sent = ground.unread or any(
+        (*(one.units is not None for one in ground.flows), *(one.is_sent for one in ground.ranges))
     )
     if evidence.stream.vision or evidence.is_off or (sent and not evidence.requests):
         return

@@ -222,18 +222,22 @@ def fit_flow(
     height: HeightSeries | None,
     position: PositionSeries | None,
     uses_flow: bool,
+    is_stabilised: bool = False,
 ) -> tuple[FlowFit, ...]:
     """Fit each flow sensor, and each sensor's own gyro, to the vehicle's motion.
 
-    The position is not the filter's; ``uses_flow`` says whether the filter's velocity may come from the flow.
+    The position is not the filter's; ``uses_flow`` says whether the filter's velocity may come from the flow. A
+    stabilised sensor does not turn, so that its velocity over the ground alone shows, and has no gyro.
     """
     motion = _motion(ground, attitude, height, position, uses_flow)
+    if is_stabilised:
+        motion = replace(motion, gyro=motion.gyro * [1.0, 0.0, 0.0, 0.0])
     found = []
     for flow in ground.flows:
         valid = np.asarray((flow.quality > 0) & np.isfinite(flow.rate).all(axis=1), dtype=np.bool_)
         found.append(_fitted(flow, "flow", flow.rate, valid, motion))
         has_body = np.asarray(np.isfinite(flow.body).all(axis=1), dtype=np.bool_)
-        if has_body.any():
+        if has_body.any() and not is_stabilised:
             found.append(_fitted(flow, "gyro", flow.body, has_body, replace(motion, shift=np.zeros((0, 3)))))
     return tuple(found)
 

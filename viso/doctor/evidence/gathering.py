@@ -25,6 +25,7 @@ from viso.firmware.flown import notes_on
 from viso.firmware.releases import Firmware
 from viso.streams.heard import firmware_of_recording
 from viso.streams.stream_kinds import Aspect, Stream
+from viso.vehicle.flow import STABILISED
 
 _TURNING_RAD_S: Final = 0.05
 _NOTHING_ELSE: Final = VehicleData()
@@ -64,13 +65,13 @@ def gather(
     Raises:
         InputError: a parameter has a value that it cannot take.
     """
-    heard = listen(stream, params)
+    release = firmware or firmware_of_recording(stream)
+    heard = listen(stream, params, release)
     if heard.clock is not None:
         stream = by_boot_clock(stream, heard.clock)
-        heard = replace(listen(stream, params), is_simulated=True)
+        heard = replace(listen(stream, params, release), is_simulated=True)
     known = heard.overridden_by(vehicle)
     names = known.vision | vision_carried(stream)
-    release = firmware or firmware_of_recording(stream)
     set_up = choose_set_up(stream, known, params, names, release, stream.flown if firmware is None else None)
     if is_tried and names:
         messages, trial = run_trial(
@@ -133,7 +134,9 @@ def _flow_fits(stream: Stream, sent: StreamData, vehicle: VehicleData, trial: Tr
         ground, attitude = with_motion_of(ground, sent.poses[0])
     params = {**trial.params, **vehicle.params, **stream.params}
     uses_flow = any(params.get(f"EK3_SRC{number}_VELXY") == SourceXY.OPTFLOW for number in SOURCE_SETS)
-    return fit_flow(ground, attitude, vehicle.height, vehicle.position, uses_flow)
+    options = trial.params.get("FLOW_OPTIONS", 0.0)  # of the releases that have it
+    is_stabilised = math.isfinite(options) and int(options) & STABILISED != 0
+    return fit_flow(ground, attitude, vehicle.height, vehicle.position, uses_flow, is_stabilised)
 
 
 def _knows_axes(evidence: Evidence) -> bool:

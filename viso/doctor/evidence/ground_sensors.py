@@ -11,7 +11,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
+from ap_core.fmath import FLT_EPSILON
 from ekf_stub.inputs.measurements import DOWNWARD, RangeStatus
+from mav_handlers.verdicts import UNREAD_FLOW
 from mav_handlers.wire.codec import Header
 from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, LOCAL_POSITION_NED, OPTICAL_FLOW, SYS_STATUS, Message
 from viso.doctor.evidence.tracks import Bools, Floats, Ints
@@ -70,7 +72,8 @@ class FlowSeries:
         quality: N, 0 to 255.
         numbers: of the messages, from 1; empty of a log.
         units: N x 2, flow_x and flow_y as a companion sent them; None if the autopilot reports its rates.
-        sent_rate: N x 2, rad/s, flow_rate_x and flow_rate_y as a companion sent them; the autopilot ignores them.
+        sent_rate: N x 2, rad/s, flow_rate_x and flow_rate_y as a companion sent them.
+        takes_sent_rate: N, whether the autopilot takes these; else it takes ``units`` times the period.
         has_all: whether every measurement is there, as it is not in the autopilot's telemetry.
     """
 
@@ -82,7 +85,20 @@ class FlowSeries:
     numbers: Ints
     units: Floats | None = None
     sent_rate: Floats | None = None
+    takes_sent_rate: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
     has_all: bool = True
+
+    def __len__(self) -> int:
+        return len(self.time_us)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnreadFlow:
+    """A sender's messages of one type of ``UNREAD_FLOW``: N times in us since boot, and N numbers, from 1."""
+
+    origin: str
+    time_us: Ints
+    numbers: Ints
 
     def __len__(self) -> int:
         return len(self.time_us)
@@ -144,6 +160,7 @@ class GroundSensors:
         check: M x 3, us, the filter's worse test ratio of flow, 1 at the gate, and its height above the ground in m.
         by: whose motion that is.
         health: whether SYS_STATUS ever calls FLOW and RANGE healthy, if it enables them.
+        unread: flow in messages that the autopilot does not read.
     """
 
     flows: tuple[FlowSeries, ...] = ()
@@ -153,6 +170,7 @@ class GroundSensors:
     check: Floats = field(default_factory=lambda: _none(3))
     by: str = "the vehicle"
     health: Mapping[str, bool] = field(default_factory=dict)
+    unread: tuple[UnreadFlow, ...] = ()
 
     def beside(self, other: "GroundSensors") -> "GroundSensors":
         """Return these sensors and those of another recording, with that one's motion of the vehicle if it has any."""
@@ -163,6 +181,7 @@ class GroundSensors:
             other.velocity if len(other.velocity) else self.velocity,
             other.check if len(other.check) else self.check,
             health=self.health,
+            unread=self.unread,
         )
 
 
@@ -254,12 +273,15 @@ class GroundListener:
         self._turning: dict[int, list[tuple[float, ...]]] = defaultdict(list)
         self._velocity: dict[int, list[tuple[float, ...]]] = defaultdict(list)
         self._health: dict[int, dict[str, bool]] = defaultdict(dict)
+        self._unread: dict[tuple[int, int, str], list[tuple[int, int]]] = defaultdict(list)
 
     def take(self, time_us: int, number: int, header: Header, message: Message | None) -> None:
         """Take a message, by its time in us since boot and its number in the stream, from 1."""
         sender = header.system_id, header.component_id
         if isinstance(message, OPTICAL_FLOW):
             self._flows[sender].append((time_us, number, message))
+        elif header.name in UNREAD_FLOW:
+            self._unread[(*sender, header.name)].append((time_us, number))
         elif isinstance(message, DISTANCE_SENSOR):
             whose = *sender, message.id, message.orientation
             self._ranges[whose].append((time_us, number, message))
@@ -278,16 +300,30 @@ class GroundListener:
             speeds = message.vx, message.vy
             self._velocity[header.system_id].append((time_us, message.time_boot_ms * 1e3, *speeds))
 
-    def sensors(self, system_id: int | None, params: Mapping[str, float]) -> GroundSensors:
-        """Return what was collected; the autopilot's parameters scale and rotate what a companion sends."""
+    def sensors(self, system_id: int | None, params: Mapping[str, float], reads_flow_rates: bool) -> GroundSensors:
+        """Return what was collected.
+
+        Args:
+            system_id: the autopilot's; None if none is heard.
+            params: the autopilot's, which scale and rotate what a companion sends.
+            reads_flow_rates: whether the autopilot's release reads flow_rate_x and flow_rate_y.
+        """
         own = (system_id, MAV_COMP_ID_AUTOPILOT1)
         vehicle = -1 if system_id is None else system_id
         return GroundSensors(
-            tuple(_sent_flow(who, rows, params, is_own=who == own) for who, rows in self._flows.items()),
+            tuple(
+                _own_flow(who, rows) if who == own else _sent_flow(who, rows, params, reads_flow_rates)
+                for who, rows in self._flows.items()
+            ),
             tuple(_sent_range(who, rows, params, is_own=who[:2] == own) for who, rows in self._ranges.items()),
             _steady(self._turning[vehicle], 4),
             _steady(self._velocity[vehicle], 3),
             health=self._health[vehicle],
+            unread=tuple(
+                UnreadFlow(f"{name} from {system}/{component}", *np.array(rows, dtype=np.int64).T)
+                for (system, component, name), rows in self._unread.items()
+                if (system, component) != own
+            ),
         )
 
 
@@ -301,11 +337,23 @@ def _steady(rows: list[tuple[float, ...]], width: int) -> Floats:
     return np.asarray(table[np.argsort(table[:, 1], kind="stable"), 1:], dtype=np.float64)
 
 
-def rates_by_driver(units: Floats, time_us: Ints, params: Mapping[str, float]) -> Floats:
-    """Return the rates that AP_OpticalFlow_MAV computes from flow_x and flow_y of messages that come one at a time.
+def takes_rates(sent_rate: Floats) -> Bools:
+    """Return of which messages a release that reads flow_rate_x and flow_rate_y takes them (N of N x 2).
+
+    It does so from the first one on that is not zero (AP_OpticalFlow_MAV::handle_msg).
+    """
+    return np.asarray(np.logical_or.accumulate(~(np.abs(sent_rate) < FLT_EPSILON).all(axis=1)), dtype=np.bool_)
+
+
+def rates_by_driver(
+    units: Floats, sent_rate: Floats, takes_sent_rate: Bools, time_us: Ints, params: Mapping[str, float]
+) -> Floats:
+    """Return the rates that AP_OpticalFlow_MAV computes from messages that come one at a time.
 
     Args:
-        units: N x 2, as sent.
+        units: N x 2, flow_x and flow_y as sent.
+        sent_rate: N x 2, flow_rate_x and flow_rate_y as sent.
+        takes_sent_rate: N, whether these are taken, as they are; else ``units`` are, times the period.
         time_us: N, when they came.
         params: with FLOW_FXSCALER, FLOW_FYSCALER and FLOW_ORIENT_YAW; 0 if they are missing.
 
@@ -314,27 +362,41 @@ def rates_by_driver(units: Floats, time_us: Ints, params: Mapping[str, float]) -
     dt = np.diff(time_us, prepend=time_us[:1] - int(1e6)) * 1e-6
     regular = (dt > 0) & (dt < LONGEST_PERIOD_S)
     factors = [1 + 0.001 * float(params.get(f"FLOW_F{axis}SCALER", 0.0)) for axis in "XY"]
-    rates = np.where(regular, dt, 0.0)[:, None] * units * np.array(factors)
+    taken = np.where(takes_sent_rate[:, None], sent_rate, dt[:, None] * units)
+    rates = np.where(regular[:, None], taken, 0.0) * np.array(factors)
     angle = np.radians(0.01 * float(params.get("FLOW_ORIENT_YAW", 0.0)))
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return np.asarray(rates @ turn.T, dtype=np.float64)
 
 
-def _sent_flow(
-    whose: tuple[int, int], rows: list[tuple[int, int, OPTICAL_FLOW]], params: Mapping[str, float], *, is_own: bool
-) -> FlowSeries:
-    time_us = np.array([row[0] for row in rows], dtype=np.int64)
-    messages: list[Any] = [row[2] for row in rows]
-    numbers = np.array([row[1] for row in rows], dtype=np.int64)
-    quality = np.array([one.quality for one in messages], dtype=np.int64)
-    sent = np.array([(one.flow_rate_x, one.flow_rate_y) for one in messages], dtype=np.float64)
-    origin = f"OPTICAL_FLOW from {whose[0]}/{whose[1]}"
-    if is_own:
-        body = sent - np.array([(one.flow_comp_m_x, one.flow_comp_m_y) for one in messages], dtype=np.float64)
-        return FlowSeries(origin, time_us, sent, body, quality, numbers, has_all=False)
-    units = np.array([(one.flow_x, one.flow_y) for one in messages], dtype=np.float64)
-    unknown = np.full(units.shape, np.nan)
-    return FlowSeries(origin, time_us, rates_by_driver(units, time_us, params), unknown, quality, numbers, units, sent)
+_Rows = list[tuple[int, int, OPTICAL_FLOW]]
+"""Times in us, numbers and messages."""
+
+
+def _own_flow(whose: tuple[int, int], rows: _Rows) -> FlowSeries:
+    """Return the autopilot's own telemetry of flow."""
+    time_us, numbers, quality, sent = _columns(rows)
+    body = sent - np.array([(one.flow_comp_m_x, one.flow_comp_m_y) for *_, one in rows], dtype=np.float64)
+    return FlowSeries(_origin(whose), time_us, sent, body, quality, numbers, has_all=False)
+
+
+def _sent_flow(whose: tuple[int, int], rows: _Rows, params: Mapping[str, float], reads_rates: bool) -> FlowSeries:
+    """Return a companion's flow, as the autopilot takes it."""
+    time_us, numbers, quality, sent = _columns(rows)
+    units = np.array([(one.flow_x, one.flow_y) for *_, one in rows], dtype=np.float64)
+    takes = takes_rates(sent) if reads_rates else np.zeros(len(rows), np.bool_)
+    rate, unknown = rates_by_driver(units, sent, takes, time_us, params), np.full(units.shape, np.nan)
+    return FlowSeries(_origin(whose), time_us, rate, unknown, quality, numbers, units, sent, takes)
+
+
+def _origin(whose: tuple[int, int]) -> str:
+    return f"OPTICAL_FLOW from {whose[0]}/{whose[1]}"
+
+
+def _columns(rows: _Rows) -> tuple[Ints, Ints, Ints, Floats]:
+    """Return times, numbers and qualities, N each, and flow_rate_x and flow_rate_y, N x 2."""
+    table = np.array([(time_us, number, one.quality) for time_us, number, one in rows], dtype=np.int64)
+    return *table.T, np.array([(one.flow_rate_x, one.flow_rate_y) for *_, one in rows], dtype=np.float64)
 
 
 def _sent_range(

@@ -33,6 +33,7 @@ from viso.doctor.evidence.vehicle_position import (
     truth_in,
 )
 from viso.errors import InputError
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.recorded import read_columns, recorded_states
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, HeardParams, ParamListener, is_autopilot
 from viso.streams.stream_kinds import Stream
@@ -190,10 +191,11 @@ class _Listener:
         elif isinstance(message, STATUSTEXT):
             self._texts.setdefault(sender, []).append((time_us, message.severity, message.text))
 
-    def vehicle(self, given: Mapping[str, float]) -> VehicleData:
+    def vehicle(self, given: Mapping[str, float], firmware: Firmware) -> VehicleData:
+        by_rate = firmware.reads_flow_rates
         are_steady = all(sender_clock(_track(whose, rows)) is None for whose, rows in self._stamps.items())
         if self.system_id is None:
-            return VehicleData(are_stamps_steady=are_steady, ground=self._ground.sensors(None, given))
+            return VehicleData(are_stamps_steady=are_steady, ground=self._ground.sensors(None, given, by_rate))
         heard = self._params[self.system_id].told()
         first, changes = _values(heard)
         texts = tuple(self._texts.get(self.system_id, []))
@@ -218,7 +220,7 @@ class _Listener:
             is_simulated=truth is not None or is_of_simulator(first),
             are_stamps_steady=are_steady,
             clock=boot_clock([row[:2] for row in self._attitudes.get(self.system_id, [])]),
-            ground=self._ground.sensors(self.system_id, {**first, **given}),
+            ground=self._ground.sensors(self.system_id, {**first, **given}, by_rate),
         )
 
 
@@ -271,10 +273,12 @@ def _heights(heard: list[tuple[int, float]]) -> HeightSeries | None:
     return HeightSeries(np.array([row[0] for row in heard], np.int64), np.array([row[1] for row in heard], np.float64))
 
 
-def listen(stream: Stream, given: Mapping[str, float] = MappingProxyType({})) -> VehicleData:
+def listen(
+    stream: Stream, given: Mapping[str, float] = MappingProxyType({}), firmware: Firmware = DEFAULT
+) -> VehicleData:
     """Return what an autopilot reports in a stream; of several, the one that is heard first.
 
-    Given parameters win over those heard.
+    Given parameters win over those heard. ``firmware`` is the release that takes the flow of companions.
     """
     codec, listener, time_us, number, vision = Codec(0, 0), _Listener(), 0, 0, set[str]()
     for message in stream.messages:
@@ -286,7 +290,7 @@ def listen(stream: Stream, given: Mapping[str, float] = MappingProxyType({})) ->
                 listener.take(time_us, number, received.header, received.message)
                 if type(received.message) in VISION_MESSAGES:
                     vision.add(received.header.name)
-    return replace(listener.vehicle({**stream.params, **given}), vision=frozenset(vision))
+    return replace(listener.vehicle({**stream.params, **given}, firmware), vision=frozenset(vision))
 
 
 def is_log(path: Path) -> bool:

@@ -21,6 +21,7 @@ from mav_handlers.wire.messages import (
 )
 from viso.doctor import CHECKS, Evidence, Finding, diagnose, gather
 from viso.faults import inject, parse_timeline
+from viso.firmware.releases import Firmware
 from viso.streams.stream import Stream, StreamMessage
 
 SET_UP: Final[Mapping[str, float]] = {
@@ -135,10 +136,10 @@ def with_fault(frames: Sequence[Timed], fault: str) -> list[Timed]:
     return list(inject(frames, parse_timeline(f"faults: [{{{fault}}}]")))
 
 
-def evidence_of(frames: Iterable[Timed]) -> Evidence:
-    """Return what the doctor gathers of frames."""
+def evidence_of(frames: Iterable[Timed], firmware: Firmware | None = None) -> Evidence:
+    """Return what the doctor gathers of frames, as a release takes them."""
     stream = Stream("made", tuple(StreamMessage(time_us, frame) for time_us, frame in frames))
-    return gather(stream, is_tried=False)
+    return gather(stream, firmware=firmware, is_tried=False)
 
 
 def findings_of(evidence: Evidence) -> list[Finding]:

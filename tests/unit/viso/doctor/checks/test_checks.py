@@ -42,7 +42,7 @@ HERE = {
     *("XN5-31", "XN5-32", "XN5-33"),
     *("XN8-01", "XN8-02", "XN8-05", "XN8-06", "XN8-07", "XN8-08", "XN9-01", "XN9-05", "XN9-06"),
     *("XN2-09", "XN5-18", "XN5-19", "XN7-17"),
-    *(f"XNF-{number:02}" for number in range(1, 15)),
+    *(f"XNF-{number:02}" for number in range(1, 17)),
     *(f"XNR-{number:02}" for number in range(1, 11)),
     *("XN9-10", "XN9-11", "XN9-12", "XN9-13", "XN9-14", "XN9-15", "XN9-16", "XN9-17"),
 }

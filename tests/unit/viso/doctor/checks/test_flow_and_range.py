@@ -2,24 +2,39 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Flow sensors and range finders: what is planted is named, and sound ones are left in peace."""
 
-from collections.abc import Mapping
+import math
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mav_handlers.wire.codec import Codec
+from mav_handlers.links import make_pair
+from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import DISTANCE_SENSOR, OPTICAL_FLOW, SYS_STATUS
-from tests.places import RECORDED, SHARED
+from tests.places import DATA, RECORDED, SHARED
 from tests.unit.viso.doctor.evidences import changed
-from tests.unit.viso.doctor.ground_flights import Timed, evidence_of, findings_of, flight, with_fault
+from tests.unit.viso.doctor.ground_flights import (
+    FLOW_S,
+    START_US,
+    Timed,
+    evidence_of,
+    findings_of,
+    flight,
+    state_at,
+    with_fault,
+)
 from viso.doctor import CHECKS, Evidence, Finding, Severity, diagnose, gather
 from viso.doctor.evidence.flow_fit import fit_flow
-from viso.doctor.evidence.ground_sensors import FlowSeries, GroundSensors, rates_by_driver
+from viso.doctor.evidence.ground_sensors import FlowSeries, GroundSensors, rates_by_driver, takes_rates
+from viso.doctor.evidence.live import heard_on_link
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.tracks import Floats
 from viso.doctor.evidence.vehicle_data import vehicle_of_log
 from viso.faults.packet import read_packet
+from viso.firmware.releases import JULY_2025, PROFILES, STABLE_4_6, STABLE_4_7, Firmware
+from viso.streams.stream import Stream
 from viso.streams.stream_kinds import read_whole_stream
 
 LOGS = SHARED.parent / "parity" / "ekf_more"
@@ -164,10 +179,152 @@ def test_what_is_sent_in_flow_rate_alone_is_not_read(sound: Evidence) -> None:
     assert finding.severity is Severity.ERROR
 
 
+def driven(rates: list[tuple[float, float]], *, reads_rates: bool) -> Floats:
+    """Return what the driver takes of messages at certain times with these rates."""
+    time_us, sent = np.array([0, 100_000, 300_000, 900_000]), np.array(rates)
+    takes = takes_rates(sent) if reads_rates else np.zeros(4, np.bool_)
+    scale = {"FLOW_FXSCALER": 500, "FLOW_ORIENT_YAW": 9000}
+    return rates_by_driver(np.full((4, 2), (10.0, -10.0)), sent, takes, time_us, scale)
+
+
 def test_driver_multiplies_by_the_time_since_the_last_flow() -> None:
-    time_us = np.array([0, 100_000, 300_000, 900_000])
-    rates = rates_by_driver(np.full((4, 2), (10.0, -10.0)), time_us, {"FLOW_FXSCALER": 500, "FLOW_ORIENT_YAW": 9000})
-    assert rates == pytest.approx(np.array([(0, 0), (1, 1.5), (2, 3), (0, 0)]))
+    for rates, reads_rates in (([(0.4, 0.2)] * 4, False), ([(0.0, 1e-8)] * 4, True)):
+        assert driven(rates, reads_rates=reads_rates) == pytest.approx(np.array([(0, 0), (1, 1.5), (2, 3), (0, 0)]))
+
+
+def test_driver_of_later_releases_takes_rates_from_the_first_on_that_is_not_zero() -> None:
+    rates = driven([(0.0, 0.0), (0.0, 0.0), (0.4, 0.2), (0.4, 0.2)], reads_rates=True)
+    assert rates == pytest.approx(np.array([(0, 0), (1, 1.5), (-0.2, 0.6), (0, 0)]))
+    ended = driven([(0.0, 0.2), (0.0, 0.0), (math.nan, 0.0), (0.0, 0.0)], reads_rates=True)
+    assert ended[1].tolist() == [0, 0]
+    assert np.isnan(ended[2]).all()
+
+
+def recorded(name: str) -> Stream:
+    return read_whole_stream(DATA / "flow" / f"{name}.tlog.gz", 30_000_000)
+
+
+def flow_found(name: str, firmware: Firmware | None, **params: float) -> dict[str, Finding]:
+    """Return what is found about flow in a recording of 4.7.0, judged as that or as another release."""
+    found = found_in(gather(recorded(name), firmware=firmware, params=params))
+    return {code: one for code, one in found.items() if code.startswith("XNF")}
+
+
+def test_flow_is_judged_as_the_release_reads_it() -> None:
+    later = flow_found("rates_beside_units", None)
+    assert set(later) == {"XNF-14", "XNF-16"}
+    assert "such as 4.6, would take 3.98 times as much" in later["XNF-16"].evidence
+    earlier = flow_found("rates_beside_units", STABLE_4_6)
+    assert set(earlier) == {"XNF-05", "XNF-09", "XNF-14"}
+    assert {earlier[code].severity for code in ("XNF-05", "XNF-09")} == {Severity.ERROR}
+    assert earlier["XNF-05"].fix.startswith("4.6 takes flow_x times the time between messages (0.04 s) times (1 + FLOW")
+    assert "leave the scalers alone" in earlier["XNF-05"].fix
+
+
+@pytest.mark.parametrize("name", [firmware.name for firmware in PROFILES.values()])
+def test_scale_of_each_release_is_named_by_its_formula(name: str) -> None:
+    firmware = PROFILES[name]
+    fix = flow_found("rates_beside_units", firmware, FLOW_FXSCALER=-700, FLOW_FYSCALER=-700)["XNF-05"].fix
+    if firmware.reads_flow_rates:
+        assert fix == (
+            f"{name} takes flow_rate_x times (1 + FLOW_FXSCALER / 1000) as rad/s, whatever flow_x is: send flow_rate_x "
+            "and flow_rate_y in rad/s, or set FLOW_FXSCALER 0 and FLOW_FYSCALER 0."
+        )
+    else:
+        assert fix.startswith(f"{name} takes flow_x times the time between messages (0.04 s)")
+        assert "or set" not in fix
+
+
+def test_flow_x_that_is_right_where_it_counts_is_no_error(sound: Evidence) -> None:
+    """Rates that another release would take are a note."""
+    (flow,) = sound.vehicle.ground.flows
+    sent = replace(flow, sent_rate=10 * flow.rate)
+    ground = replace(sound.vehicle.ground, flows=(sent,))
+    (fit,) = sound.flow_fits
+    found = found_in(changed(sound, ground=ground, flow_fits=(replace(fit, flow=sent),)))
+    assert list(found) == ["XNF-16"]
+    assert "such as 4.7, would take 10 times as much" in found["XNF-16"].evidence
+
+
+def test_steps_of_flow_are_left_behind_by_rates_where_these_are_read(frames: list[Timed]) -> None:
+    slow = with_fault(frames, f"kind: rate, {FLOW}, rate_hz: 10")
+    fixes = {name: found_in(evidence_of(slow, one))["XNF-09"].fix for name, one in PROFILES.items()}
+    assert {name for name, fix in fixes.items() if fix.startswith("Send flow_rate_x")} == {"2026-02", "4.7", "2026-04"}
+    assert all(fix.startswith("Send flow_x") for name, fix in fixes.items() if not PROFILES[name].reads_flow_rates)
+
+
+def with_flow(frames: list[Timed], change: Callable[[int, OPTICAL_FLOW], OPTICAL_FLOW]) -> list[Timed]:
+    """Return frames with each OPTICAL_FLOW changed, by its time in us."""
+    codec, found = Codec(1, 197), []
+    for time_us, frame in frames:
+        codec.feed(frame)
+        received = codec.next_received()
+        message = received.message if isinstance(received, Received) else None
+        if isinstance(message, OPTICAL_FLOW):
+            frame = codec.encode(change(time_us, message))
+        found.append((time_us, frame))
+    return found
+
+
+def test_scalers_are_of_the_axes_of_the_sensor() -> None:
+    """A sensor that is turned by 90 degrees, and whose x axis, the body's y, is twice too large."""
+
+    def turned(_time_us: int, flow: OPTICAL_FLOW) -> OPTICAL_FLOW:
+        return replace(flow, flow_x=2 * flow.flow_y, flow_y=-flow.flow_x)
+
+    fix = found_in(evidence_of(with_flow(flight({"FLOW_ORIENT_YAW": 9000}), turned)))["XNF-05"].fix
+    assert re.search("set FLOW_FXSCALER -(49|50)[0-9] and FLOW_FYSCALER -?[0-9] ", fix.replace(".", " "))
+
+
+def test_flow_that_no_release_reads_is_named() -> None:
+    found = flow_found("optical_flow_rad", None)
+    assert set(found) == {"XNF-12", "XNF-15"}
+    assert "OPTICAL_FLOW_RAD from 1/197: 176 messages, all ignored; no other flow was heard" in found["XNF-15"].evidence
+    assert found["XNF-15"].severity is Severity.ERROR
+    assert "Send OPTICAL_FLOW instead" in found["XNF-15"].fix
+    other = flow_found("optical_flow_rad", None, FLOW_TYPE=6)
+    assert other["XNF-15"].severity is Severity.NOTE
+
+
+def test_flow_that_no_release_reads_is_named_on_a_link() -> None:
+    ours, theirs = make_pair(("ours", "theirs"))
+    sent = [message.frame for message in recorded("optical_flow_rad").messages if message.frame[7:10] == b"\x6a\0\0"]
+
+    def send_next(_passed_s: float) -> None:
+        theirs.send(sent.pop(0))
+
+    stream = heard_on_link(ours, 30_000_000, 9.0, lambda: -float(len(sent)), lambda: len(sent) < 100, send_next)
+    found = {finding.code: finding for finding in diagnose(gather(stream), CHECKS)}
+    assert set(found) == {"XNF-15"}
+    assert "from 1/197" in found["XNF-15"].evidence
+
+
+def stabilised(firmware: Firmware, options: int) -> Evidence:
+    """Return a flight whose sensor hangs level, so that its flow shows the velocity over the ground alone."""
+
+    def level(time_us: int, flow: OPTICAL_FLOW) -> OPTICAL_FLOW:
+        state = state_at(1e-6 * (time_us - START_US))
+        x, y = -state.right / state.height_m, state.ahead / state.height_m
+        return replace(flow, flow_x=round(x / FLOW_S), flow_y=round(y / FLOW_S), flow_rate_x=x, flow_rate_y=y)
+
+    by_gps = {"EK3_SRC1_POSXY": 3, "EK3_SRC1_VELXY": 3, "FLOW_OPTIONS": options}
+    return evidence_of(with_flow(flight(by_gps), level), firmware)
+
+
+def test_stabilised_sensor_shows_the_velocity_alone() -> None:
+    (fit,) = stabilised(STABLE_4_7, 1).flow_fits
+    assert (fit.by_turning, fit.is_judged) == (False, True)
+    assert fit.factors == pytest.approx((1, 1), abs=0.05)
+    assert set(found_in(stabilised(STABLE_4_7, 1))) == {"XNF-02", "XNF-14"}
+
+
+@pytest.mark.parametrize(
+    ("firmware", "options", "fix"), [(STABLE_4_7, 0, ", set FLOW_OPTIONS 1;"), (JULY_2025, 1, ", fix it to the frame")]
+)
+def test_stabilised_sensor_that_counts_as_fixed_is_named(firmware: Firmware, options: int, fix: str) -> None:
+    finding = found_in(stabilised(firmware, options))["XNF-05"]
+    assert "about x is 0.00 times, about y 0.00" in finding.evidence
+    assert fix in finding.fix
 
 
 def test_poses_tell_where_no_vehicle_does() -> None:
