@@ -133,6 +133,9 @@ def replay_tables(comparison: ReplayComparison, *, with_filter: bool) -> Iterato
     if not (comparison.verdicts or comparison.samples or comparison.messages):
         where = "" if with_filter else "; --ekf tells what the filter makes of it"
         yield f"no verdict differs{where}"
+    if (flow := comparison.flow) is not None:
+        sides = f"{flow.rms_before:.3g} rad/s before, {flow.rms_after:.3g} after (root mean square)"
+        yield f"flow: {flow.measurements} of {flow.total} measurements differ: {sides}"
     if comparison.records:
         yield f"log records of {comparison.records} messages differ, first of message {comparison.first_record}"
 

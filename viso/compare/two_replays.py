@@ -2,13 +2,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Two replays of one stream, with other parameters or as other firmware, compared message by message."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Final, NamedTuple, TypeVar
 
+import numpy as np
+import numpy.typing as npt
+
 from ap_visualodom.log_structure import LOG_STRUCTURE_FROM_VISUALODOM, VISP
+from ekf_stub.inputs.measurements import FlowMeasurement
 from viso.compare.differences import ABSENT, Difference, Row, row_differences
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome, SaidText
@@ -106,6 +111,18 @@ class InnovationChange(NamedTuple):
         }
 
 
+class FlowChange(NamedTuple):
+    """Measurements of the flow sensor that differ.
+
+    ``measurements`` counts them, of ``total``. The others are root mean squares of all rates, rad/s.
+    """
+
+    measurements: int
+    total: int
+    rms_before: float
+    rms_after: float
+
+
 @dataclass(frozen=True)
 class ReplayComparison:
     """What differs between two replays.
@@ -118,6 +135,7 @@ class ReplayComparison:
         aiding_before, aiding_after: the filter's aiding that only one of the two had.
         errors: errors of poses.
         innovations: innovations of samples; empty without a filter.
+        flow: of OPTICAL_FLOW; None if there is none, or all of it is the same.
     """
 
     verdicts: Sequence[CountChange]
@@ -130,6 +148,7 @@ class ReplayComparison:
     aiding_after: Sequence[AidingSpan]
     errors: Sequence[ErrorChange]
     innovations: Sequence[InnovationChange]
+    flow: FlowChange | None = None
 
     @property
     def changed_messages(self) -> int:
@@ -154,6 +173,7 @@ class ReplayComparison:
             "changed_records": self.records,
             "first_changed_record": self.first_record,
             "texts": [change._asdict() for change in self.texts],
+            "flow": None if self.flow is None else self.flow._asdict(),
             "aiding": {"before": aiding_rows(self.aiding_before), "after": aiding_rows(self.aiding_after)},
         }
 
@@ -178,6 +198,7 @@ def compare_replays(before: ReplayOutcome, after: ReplayOutcome) -> ReplayCompar
         [span for span in spans_after if span not in spans_before],
         _error_changes(pairs),
         [InnovationChange(kind, *sides) for (kind,), *sides in _differing(first, second, Innovations())],
+        _flow_change(before.flow, after.flow),
     )
 
 
@@ -195,6 +216,21 @@ def _sample_changes(before: ReplayOutcome, after: ReplayOutcome) -> list[CountCh
     return [
         CountChange(kind, outcome_kind(RULES_BY_CODE[code]).value, code, *counts) for (kind, code), *counts in changes
     ]
+
+
+def _flow_change(before: Sequence[FlowMeasurement], after: Sequence[FlowMeasurement]) -> FlowChange | None:
+    tables = [np.array([(*one.flow, *one.gyro) for one in side]).reshape(-1, 4) for side in (before, after)]
+    total, common = max(map(len, tables)), min(map(len, tables))
+    first, second = (table[:common] for table in tables)
+    same = (first == second) | (np.isnan(first) & np.isnan(second))
+    differing = total - int(same.all(axis=1).sum())
+    return FlowChange(differing, total, *(_rms(table[:, :2]) for table in tables)) if differing else None
+
+
+def _rms(rates: npt.NDArray[np.float64]) -> float:
+    """Return the root mean square of the lengths of finite rates (N x 2); 0 without any."""
+    finite = rates[np.isfinite(rates).all(axis=1)]
+    return math.sqrt(float((finite**2).sum()) / len(finite)) if len(finite) else 0.0
 
 
 # Messages

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
+from ekf_stub.inputs.measurements import FlowMeasurement
 from viso.faults.poses import VISION_NAMES
 from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.logger import LogSink
@@ -59,6 +60,7 @@ class ReplayOutcome:
         innovations: of samples that the filter tested; None without a filter.
         aiding: the filter's aiding over time; None without a filter.
         messages: the outcome of each, if they are kept.
+        flow: what the flow sensor of OPTICAL_FLOW measured, if messages are kept.
         notes: parts of the stream that were not run, a line each.
     """
 
@@ -71,6 +73,7 @@ class ReplayOutcome:
     aiding: tuple[AidingSpan, ...] | None = None
     messages: tuple[ReplayedMessage, ...] = field(default=(), repr=False)
     notes: tuple[str, ...] = ()
+    flow: tuple[FlowMeasurement, ...] = field(default=(), repr=False)
 
 
 def why_nothing_fused(outcome: ReplayOutcome) -> str:
@@ -114,6 +117,9 @@ def run_replay(
         lambda severity, text: texts.append(SaidText(vehicle.clock.micros64(), severity, text))
     )
     kept: list[ReplayedMessage] = []
+    flow: list[FlowMeasurement] = []
+    if keep_messages:
+        vehicle.flow.on_measured = flow.append
     on_start(vehicle, watch)
     try:
         replay = Replay(vehicle, stream, setup.baud, watch, on_sent=on_sent)
@@ -134,4 +140,5 @@ def run_replay(
         None if watch is None else tuple(watch.aiding()),
         tuple(kept),
         replay.notes(),
+        tuple(flow),
     )

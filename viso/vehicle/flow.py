@@ -60,7 +60,7 @@ def _plus_float(total: float, value: float) -> float:
 class MavlinkFlow:
     """The flow sensor, if FLOW_TYPE was 5 at boot: averages flow between two updates, hands it over and logs it.
 
-    ``newest`` is what was measured last; nothing has a quality of 0.
+    ``newest`` is what was measured last; nothing has a quality of 0. ``on_measured`` is called with each measurement.
 
     Args:
         clock, params, ahrs, logger: the vehicle's.
@@ -82,6 +82,7 @@ class MavlinkFlow:
         self._logger = logger
         self._mounting = FromParams(params, self._find_mounting)
         self.newest = FlowMeasurement(0, (0.0, 0.0), (0.0, 0.0))
+        self.on_measured: Callable[[FlowMeasurement], None] = lambda _measured: None
         self._type = FromParams(params, lambda: params.get_int("FLOW_TYPE"))
         self._has_driver = self._type() == FLOW_TYPE_MAVLINK
         self._latest_frame_us = 0
@@ -183,5 +184,6 @@ class MavlinkFlow:
         (flow_x, flow_y), (body_x, body_y) = map(float, flow), map(float, body)
         self.newest = FlowMeasurement(quality, (flow_x, flow_y), (body_x, body_y), self._mounting().place_frd)
         self._ahrs.write_flow(self.newest, self._last_update_ms)
+        self.on_measured(self.newest)
         if self._params.get_int("LOG_BITMASK") & MASK_LOG_OPTFLOW:
             self._logger.write(OF, (self._clock.micros64(), quality, *flow, *body))

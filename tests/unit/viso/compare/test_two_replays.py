@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Two replays of one stream, compared: what is told to differ, and that nothing else is."""
 
+import json
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from io import StringIO
@@ -9,13 +11,16 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
+from ekf_stub.inputs.measurements import FlowMeasurement
 from ekf_stub.reports import AidingMode
 from mav_handlers.wire.codec import Codec
+from mav_handlers.wire.messages import OPTICAL_FLOW
 from tests.unit.viso.conftest import odometry
 from viso.compare.outputs import ROWS, replay_tables, setting_lines
 from viso.compare.two_replays import (
     SHOWN,
     CountChange,
+    FlowChange,
     MessageChange,
     ReplayComparison,
     TextChange,
@@ -176,3 +181,28 @@ def test_orientation_that_nothing_heeds_is_told_as_that(
 
 def test_messages_are_kept_on_request_only() -> None:
     assert run_replay(stream(90), SETTINGS, STANDING).messages == ()
+
+
+def measured(*rates: tuple[float, float]) -> tuple[FlowMeasurement, ...]:
+    return tuple(FlowMeasurement(100, rate, (0.0, 0.0)) for rate in rates)
+
+
+def test_flow_that_differs_is_told_with_its_size() -> None:
+    same = run(stream(50))
+    before = replace(same, flow=measured((0.3, 0.4), (math.nan, 0.0), (0.0, 0.0)))
+    assert compare_replays(before, before).flow is None
+    after = replace(same, flow=measured((3.0, 4.0), (math.nan, 0.0)))
+    comparison = compare_replays(before, after)
+    assert comparison.flow == FlowChange(2, 3, math.sqrt(0.125), 5.0)
+    assert "flow: 2 of 3 measurements differ: 0.354 rad/s before, 5 after (root mean square)" in printed(comparison)
+    assert json.loads(json.dumps(comparison.as_dict()))["flow"]["total"] == 3
+
+
+def test_flow_is_kept_with_the_messages_only() -> None:
+    packets = [Codec(1, 197).encode(OPTICAL_FLOW(0, 0, 100, 0, 0.0, 0.0, 90, 1.0)) for _ in range(3)]
+    frames = tuple(StreamMessage(3_000_000 + 40_000 * number, packet) for number, packet in enumerate(packets))
+    flow = Stream("flow", frames)
+    kept = run(flow, {"FLOW_TYPE": 5})
+    assert [one.quality for one in kept.flow] == [90, 90]  # the vehicle ends with the last message
+    assert [one.flow[0] for one in kept.flow] == pytest.approx([0.0, 4.0], abs=0.3)
+    assert run_replay(flow, {"FLOW_TYPE": 5}, STANDING).flow == ()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.places import RECORDED
+from tests.places import DATA, RECORDED
 
 if TYPE_CHECKING:
     from tests.unit.viso.command_line import Viso
@@ -90,3 +90,12 @@ def test_unknown_release_is_refused(viso: "Viso", short: Path) -> None:
     outcome = viso("replay", str(short), "--versus", "3.2")
     assert outcome.code == 2
     assert "--versus 3.2: no such profile; there are 4.6, 2025-07, 2026-02, 4.7" in outcome.err
+
+
+@pytest.mark.parametrize(("after", "differs"), [("4.7", True), ("4.6", False)])
+def test_flow_that_releases_take_otherwise_is_told(viso: "Viso", after: str, differs: bool) -> None:
+    path = str(DATA / "flow" / "rates_beside_units.tlog.gz")
+    outcome = viso("replay", path, "--firmware", "2025-07", "--versus", after)
+    assert outcome.code == 0
+    line = "flow: 349 of 350 measurements differ: 1.49 rad/s before, 0.373 after (root mean square)"
+    assert (line in outcome.out.splitlines()) is differs
