@@ -387,8 +387,8 @@ def flow_period(evidence: Evidence) -> Iterator[Sighting]:
         period_s = _period_s(flow)
         if abs(factor - 1) > limits.FLOW_SCALE_OFF and not _is_right(evidence, flow):
             text = (
-                f"of what flow_rate_x and flow_rate_y say the autopilot takes {factor:.3g} times as much; {_LATER} it "
-                "would take just that"
+                f"of what flow_rate_x and flow_rate_y say {evidence.set_up.firmware.name} takes {factor:.3g} times as "
+                f"much; {_LATER} they are taken as they are"
             )
             yield in_records(text, flow, known, Severity.ERROR)
         elif period_s >= limits.FLOW_COARSE_S and flow.units.any():
