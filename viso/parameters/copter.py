@@ -9,6 +9,7 @@ Types, defaults and order: ArduCopter/Parameters.cpp, ArduCopter/Parameters.h an
 RC_Channel and RCMapper.
 """
 
+from collections.abc import Mapping
 from typing import Final
 
 from ap_core.param_info import ParamInfo, ParamType
@@ -55,7 +56,8 @@ _FRAME_TYPE: Final = {
     18: "BetaFlightXReversed",
     19: "Y4",
 }
-_EKF_ACTION: Final = {0: "Report", 1: "Land if position needed", 2: "AltHold if position needed", 3: "Land always"}
+_EKF_ACTION_IN_4_6: Final = {1: "Land if position needed", 2: "AltHold if position needed", 3: "Land always"}
+_EKF_ACTION: Final = {0: "Report", **_EKF_ACTION_IN_4_6}
 _GCS_ACTION: Final = {0: "None", 1: "RTL", 3: "SmartRTL or RTL", 4: "SmartRTL or Land", 5: "Land", 7: "Brake or Land"}
 _RADIO_ACTION: Final = {0: "None", 1: "RTL", 3: "Land", 4: "SmartRTL or RTL", 5: "SmartRTL or Land", 7: "Brake or Land"}
 _DEAD_RECKONING_ACTION: Final = {0: "None", 1: "Land", 2: "RTL", 3: "SmartRTL or RTL", 4: "SmartRTL or Land"}
@@ -122,13 +124,21 @@ ARMING: Final = (
     ParamInfo("NEED_LOC", INT8, 0, "Whether arming takes an absolute position", values=_NEED_LOCATION),
 )
 
-FAILSAFE: Final = (
-    ParamInfo("DISARM_DELAY", INT8, 10, "Time on the ground until disarming, 0 is never", "s", (0.0, 127.0)),
-    ParamInfo("FS_EKF_ACTION", INT8, 1, "What to do when the EKF fails", values=_EKF_ACTION),
-    ParamInfo("FS_EKF_THRESH", FLOAT, 0.8, "Variance that counts as an EKF failure: 0.6 strict, 1 relaxed"),
-    ParamInfo("FS_CRASH_CHECK", INT8, 1, "Disarm after a crash", values=_OFF_ON),
-)
+
+def _failsafe(ekf_action: Mapping[int, str]) -> tuple[ParamInfo, ...]:
+    return (
+        ParamInfo("DISARM_DELAY", INT8, 10, "Time on the ground until disarming, 0 is never", "s", (0.0, 127.0)),
+        ParamInfo("FS_EKF_ACTION", INT8, 1, "What to do when the EKF fails", values=ekf_action),
+        ParamInfo("FS_EKF_THRESH", FLOAT, 0.8, "Variance that counts as an EKF failure: 0.6 strict, 1 relaxed"),
+        ParamInfo("FS_CRASH_CHECK", INT8, 1, "Disarm after a crash", values=_OFF_ON),
+    )
+
+
+FAILSAFE: Final = _failsafe(_EKF_ACTION)
 """What stands after the ARMING_ group."""
+
+FAILSAFE_IN_4_6: Final = _failsafe(_EKF_ACTION_IN_4_6)
+"""The same in 4.6, whose FS_EKF_ACTION has no 0."""
 
 RCMAP: Final = tuple(
     ParamInfo(name, INT8, channel, f"Radio channel of {name.lower()}", "", (1.0, 16.0), reboot_required=True)

@@ -77,7 +77,7 @@ _AFTER_FLOW: Final = (
     ParamInfo("MAGE_P_NSE", FLOAT, 0.001, "Process noise of the earth's magnetic field", "Gauss/s", (0.00001, 0.01)),
     ParamInfo("MAGB_P_NSE", FLOAT, 0.0001, "Process noise of the vehicle's magnetic field", "Gauss/s", (0.00001, 0.01)),
     ParamInfo("RNG_USE_HGT", INT8, -1, "Height below which a range finder tells it, of its reach", "%", (-1.0, 70.0)),
-    ParamInfo("TERR_GRAD", FLOAT, 0.1, "Slope of the ground", "", (0.0, 1.0)),
+    ParamInfo("TERR_GRAD", FLOAT, 0.1, "Slope of the ground", "", (0.0, 0.2)),
     _boot("BCN_DELAY", INT8, 50, "How late range beacons are", "ms", _DELAY),
     ParamInfo("RNG_USE_SPD", FLOAT, 2.0, "Speed up to which a range finder tells the height", "m/s", (2.0, 6.0)),
     ParamInfo("ACC_BIAS_LIM", FLOAT, 1.0, "Limit of the accelerometer bias", "m/s/s", (0.5, 2.5)),

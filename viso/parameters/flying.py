@@ -13,12 +13,14 @@ from ap_core.param_info import ParamInfo, ParamType
 from viso.parameters.conversion import Rename, Renames, hundredth
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 
+AFTER_FORMAT_VERSION: Final = "FORMAT_VERSION"
+"""The spot after FORMAT_VERSION and what a release puts there."""
 AFTER_INS: Final = "INS"
 """The spot after the INS group."""
 AFTER_RC: Final = "RC"
 """The spot after the RC groups."""
 
-_FIRST, _WAY, _LEAN, _LAST = "FORMAT_VERSION", "GPS_HDOP_GOOD", "DISARM_DELAY", "FS_EKF_FILT"
+_FIRST, _WAY, _LEAN, _LAST = AFTER_FORMAT_VERSION, "GPS_HDOP_GOOD", "DISARM_DELAY", "FS_EKF_FILT"
 _YAW: Final = {0: "As it is", 1: "Next waypoint", 2: "Next waypoint but in RTL", 3: "Along the course"}
 _CENTI: Final = 0.01
 

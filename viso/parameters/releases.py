@@ -66,7 +66,8 @@ class ParameterRelease:
         range_finder: the group of a range finder.
         range_unit: in what that is.
         flying: how the vehicle flies.
-        vicon_has_quality: the simulator's own camera has a quality.
+        vicon: the group of the simulator's own camera.
+        failsafe: top-level entries that follow the ARMING_ group.
     """
 
     early: Sequence[ParamInfo]
@@ -85,7 +86,8 @@ class ParameterRelease:
     range_finder: Sequence[ParamInfo] = sensors.RANGE_FINDER
     range_unit: RangeUnit = _METRES
     flying: FlyingParameters = flying.IN_CENTIMETRES
-    vicon_has_quality: bool = False
+    vicon: Sequence[ParamInfo] = sensors.VICON
+    failsafe: Sequence[ParamInfo] = copter.FAILSAFE
 
 
 _MAV_IDS: Final = (
@@ -253,6 +255,8 @@ STABLE_4_6: Final = ParameterRelease(
     RENAMES_OF_4_6,
     range_finder=sensors.RANGE_FINDER_IN_CM,
     range_unit=_CENTIMETRES,
+    vicon=sensors.VICON_IN_4_6,
+    failsafe=copter.FAILSAFE_IN_4_6,
 )
 
 FEBRUARY_2026: Final = ParameterRelease(
@@ -270,7 +274,7 @@ FEBRUARY_2026: Final = ParameterRelease(
     FLOW_LIMIT_LATER,
     sensors.FLOW_WITH_OPTIONS,
     flying=flying.IN_METRES,
-    vicon_has_quality=True,
+    vicon=sensors.VICON_WITH_QUALITY,
 )
 
 STABLE_4_7: Final = replace(FEBRUARY_2026, renames=ALL_RENAMES, flying=flying.ALL_IN_METRES)

@@ -146,7 +146,7 @@ FLOW_WITH_OPTIONS: Final = (
 """Since 22 July 2025."""
 
 # The simulator's own camera (SITL/SIM_Vicon.cpp): ``viso serve --imu fly --vision vicon``.
-VICON: Final = (
+VICON_IN_4_6: Final = (
     ParamInfo("POS", VECTOR3F, _ZERO, "Where the markers are on the vehicle, forward, right, down", "m"),
     ParamInfo("GLIT", VECTOR3F, _ZERO, "Added to the position, north, east, down", "m"),
     ParamInfo("FAIL", INT8, 0, "The camera sends nothing", values={0: "No", 1: "Yes"}),
@@ -160,9 +160,15 @@ VICON: Final = (
         "3 VISION_POSITION_DELTA, 4 ODOMETRY",
     ),
     ParamInfo("VGLI", VECTOR3F, _ZERO, "Added to the velocity, north, east, down", "m/s"),
+)
+VICON: Final = (
+    *VICON_IN_4_6,
     ParamInfo("P_SD", FLOAT, 0.0, "Noise of the position, standard deviation", "m"),
     ParamInfo("V_SD", FLOAT, 0.0, "Noise of the velocity, standard deviation", "m/s"),
     ParamInfo("RATE", INT16, 50, "How often it looks, 0 never", "Hz"),
 )
-VICON_QUALITY: Final = ParamInfo("QUAL", INT8, 50, "Quality that ODOMETRY tells: -1 failed, 0 unknown, 1 to 100", "%")
+VICON_WITH_QUALITY: Final = (
+    *VICON,
+    ParamInfo("QUAL", INT8, 50, "Quality that ODOMETRY tells: -1 failed, 0 unknown, 1 to 100", "%"),
+)
 """Since February 2026."""

@@ -18,7 +18,7 @@ from ap_core.param_info import ParamInfo, ParamType
 from viso.parameters import copter, sensors
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import make_ekf3_group
-from viso.parameters.flying import AFTER_INS, AFTER_RC
+from viso.parameters.flying import AFTER_FORMAT_VERSION, AFTER_INS, AFTER_RC
 from viso.parameters.releases import JULY_2025, ParameterRelease
 
 _OFF_ON: Final = {0: "Disabled", 1: "Enabled"}
@@ -133,11 +133,12 @@ def make_groups(
         return [info for row in rows for info in (row, *release.flying.spots.get(row.name, ()))]
 
     return [
-        _top_level(flown(copter.FORMAT_VERSION)),
+        _top_level(copter.FORMAT_VERSION),
         _top_level(release.early),
+        _top_level(release.flying.spots[AFTER_FORMAT_VERSION]),
         _top_level(flown(copter.MODES)),
         _object("ARMING_", release.arming, "ARMING_"),
-        _top_level(flown(copter.FAILSAFE)),
+        _top_level(flown(release.failsafe)),
         _object("COMPASS_", sensors.COMPASS, "COMPASS_"),
         _object("INS", sensors.INS, "INS"),
         _top_level(release.flying.spots[AFTER_INS]),
@@ -145,9 +146,7 @@ def make_groups(
         _object("AHRS_", (*sensors.AHRS, *release.more_ahrs), "AHRS_"),
         _object("BATT_", sensors.BATTERY, "BATT"),
         _object("BRD_RTC", sensors.RTC, "BRD_"),
-        _object(
-            "SIM_VICON_", (*sensors.VICON, *([sensors.VICON_QUALITY] if release.vicon_has_quality else [])), "SIM_"
-        ),
+        _object("SIM_VICON_", release.vicon, "SIM_"),
         _object("GPS1_", sensors.GPS1, "GPS"),
         _object("SCHED_", sensors.SCHEDULER, "SCHED_"),
         _object("RCMAP_", copter.RCMAP, "RCMAP_"),

@@ -35,6 +35,8 @@ DELAYS_MS: Final = 100
 MOST_OFFSET_S: Final = 7000
 QUALITY: Final = 50
 """Before there was a parameter for it."""
+RATE_HZ: Final = 50
+"""Before there was a parameter for it: 4.6 has none for rate and noise."""
 
 _LOCAL_FRD, _BODY_FRD, _VIO = 20, 12, 3
 _GCS, _INVALID_AUTOPILOT = 6, 8
@@ -68,13 +70,22 @@ class Vicon:
     def next_us(self) -> int:
         """Return when it does something next."""
         sending = [place.send_us for place in self._places if place.send_us]
-        observing = NEVER if self._is_blind() else self._observed_us + 1_000_000 // self._params.get_int("RATE")
+        observing = NEVER if self._is_blind() else self._observed_us + 1_000_000 // self._rate_hz()
         return min(self._heartbeat_us + HEARTBEAT_US, observing, *sending)
 
     def _is_blind(self) -> bool:
         # FIRMWARE PARITY: whether a message waits is asked of the last place alone.
         is_waiting = self._places[-1].send_us != 0
-        return is_waiting or self._params.get_int("RATE") <= 0 or self._params.get_int("FAIL") != 0
+        return is_waiting or self._rate_hz() <= 0 or self._params.get_int("FAIL") != 0
+
+    def _has(self, name: str) -> bool:
+        return any(row.name == name for row in self._params.var_info)
+
+    def _rate_hz(self) -> int:
+        return self._params.get_int("RATE") if self._has("RATE") else RATE_HZ
+
+    def _deviation(self, name: str) -> float:
+        return float(self._params.get_float(name)) if self._has(name) else 0.0
 
     def update(self, now_us: int) -> bytes:
         """Look at the vehicle if it is time to, and return what arrives of it now."""
@@ -85,7 +96,7 @@ class Vicon:
             if 0 < place.send_us <= now_us:
                 arrived += place.frame
                 place.send_us = 0
-        if not self._is_blind() and now_us - self._observed_us >= 1_000_000 // self._params.get_int("RATE"):
+        if not self._is_blind() and now_us - self._observed_us >= 1_000_000 // self._rate_hz():
             self._observe(now_us)
         return arrived
 
@@ -101,7 +112,7 @@ class Vicon:
         return float(x), float(y), float(z)
 
     def _noise(self, name: str) -> Three:
-        spread = float(self._params.get_float(name))
+        spread = self._deviation(name)
         return self._draw.gauss(0.0, spread), self._draw.gauss(0.0, spread), self._draw.gauss(0.0, spread)
 
     def _observe(self, now_us: int) -> None:
@@ -120,13 +131,13 @@ class Vicon:
         yaw = math.remainder(yaw + math.radians(params.get_int("YAWERR")), 2.0 * math.pi)
         send_us = now_us + 1000 * (LEAST_DELAY_MS + self._draw.randrange(DELAYS_MS))
         stamp_us, mask = now_us + self._clock_off_us, params.get_int("TMASK")
-        pose_covariance = _diagonal(float(params.get_float("P_SD")) ** 2)
+        pose_covariance = _diagonal(self._deviation("P_SD") ** 2)
         quat = conjugate(quat_of_euler(roll, pitch, yaw))
         if mask & _POSE:
             self._put(VISION_POSITION_ESTIMATE(stamp_us, *pos, roll, pitch, yaw, pose_covariance), send_us)
         if mask & _VICON:
             self._put(VICON_POSITION_ESTIMATE(stamp_us, *pos, roll, pitch, yaw), send_us)
-        variance = float(params.get_float("V_SD")) ** 2
+        variance = self._deviation("V_SD") ** 2
         if mask & _SPEED:
             covariance = (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
             self._put(VISION_SPEED_ESTIMATE(stamp_us, *vel, covariance), send_us)
@@ -146,8 +157,7 @@ class Vicon:
         self._observed_us, self._last_pos, self._last_quat = now_us, pos, quat
 
     def _quality(self) -> int:
-        has_quality = any(row.name == "QUAL" for row in self._params.var_info)
-        return max(-1, min(self._params.get_int("QUAL"), 100)) if has_quality else QUALITY
+        return max(-1, min(self._params.get_int("QUAL"), 100)) if self._has("QUAL") else QUALITY
 
     def _delta(self, stamp_us: int, since_us: int, pos: Three, quat: Quat) -> VISION_POSITION_DELTA:
         turn = times(quat, conjugate(self._last_quat))

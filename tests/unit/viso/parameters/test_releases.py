@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parameters of each release, against those that recorded logs list."""
+"""The parameters of each release, against those that recorded logs and the releases' simulators list."""
 
 import lzma
 import math
@@ -11,7 +11,7 @@ import pytest
 
 from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
-from tests.places import PARITY, RECORDED
+from tests.places import DATA, PARITY, RECORDED
 from tests.unit.viso.log_records import records
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
 from viso.parameters import flying
@@ -39,8 +39,14 @@ RECORDED_SET_UP: Final = {
     *("VISO_TYPE", "VISO_QUAL_MIN"),
 }
 """Set for the recording, whose defaults are those of the simulator."""
-SIMULATED: Final = ("FLTMODE", "FRAME_TYPE", "COMPASS_OFS", "INS_ACCOFFS", "BATT_MONITOR", "RC")
+SIMULATED: Final = ("FLTMODE", "FRAME_TYPE", "COMPASS_OFS", "COMPASS_DEV_ID", "INS_ACCOFFS", "BATT_MONITOR", "RC")
 """Of the simulated vehicle alone: flight modes, offsets and ranges of its sensors and sticks."""
+LISTED: Final = {
+    STABLE_4_6.name: DATA / "parameters" / "4.6.3.txt",
+}
+OURS: Final = {"EK3_SRC_OPTIONS", "FRAME_CLASS", "LOG_DISARMED", "STAT_BOOTCNT", "VISO_TYPE"}
+"""Defaults that are ours, or of the simulator's start."""
+listed_firmware = pytest.mark.parametrize("firmware", [STABLE_4_6], ids=lambda one: one.name)
 recorded_firmware = pytest.mark.parametrize(
     "firmware", [JULY_2025, FEBRUARY_2026, APRIL_2026], ids=lambda one: one.name
 )
@@ -82,6 +88,38 @@ def test_defaults_are_those_of_the_recorded_release(firmware: Firmware) -> None:
         and param.default != pytest.approx(theirs[param.name])
     }
     assert different == set()
+
+
+@cache
+def listed(name: str) -> dict[str, tuple[int, float]]:
+    """Return type on the wire and default of what a release's simulator lists, in its order."""
+    rows = [line.split() for line in LISTED[name].read_text(encoding="ascii").splitlines()]
+    return {parameter: (int(kind), float(default)) for parameter, kind, default in rows}
+
+
+@listed_firmware
+def test_every_parameter_is_one_that_the_release_lists_in_its_place(firmware: Firmware) -> None:
+    names = list(listed(firmware.name))
+    ours = [param.name for param in table(firmware) if not param.name.startswith(("MAV2", "MAV3"))]
+    assert ours == names
+
+
+@listed_firmware
+def test_types_and_defaults_are_those_that_the_release_lists(firmware: Firmware) -> None:
+    theirs = listed(firmware.name)
+    params = [param for param in table(firmware) if param.name in theirs]
+    assert [param.name for param in params if param.type.wire_type != theirs[param.name][0]] == []
+    ordinary = [param for param in params if not param.name.startswith(SIMULATED) and param.name not in OURS]
+    assert len(ordinary) > 220
+    assert {one.name for one in ordinary if one.default != pytest.approx(theirs[one.name][1])} == set()
+
+
+def test_action_of_ekf_failsafe_0_came_after_4_6() -> None:
+    rows = {name: [slot for group in table(one).groups for slot in group.slots] for name, one in PROFILES.items()}
+    values = {
+        name: next(one.row.values for one in slots if one.name == "FS_EKF_ACTION") for name, slots in rows.items()
+    }
+    assert [name for name, choices in values.items() if 0 not in choices] == [STABLE_4_6.name]
 
 
 def test_parameters_that_came_and_went() -> None:
