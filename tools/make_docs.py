@@ -59,7 +59,7 @@ from viso.replay.figures import OBJECTIVES
 from viso.streams.messages import FORMS
 from viso.streams.readers import FORMATS as TRAJECTORY_FORMATS
 from viso.streams.stream_kinds import STREAM_KINDS
-from viso.terminal.settings import PRESETS, preset_title
+from viso.terminal.settings import PRESETS, known_parameters, preset_title
 from viso.vehicle.outcomes import basis, is_final, outcome_kind, why
 from viso.web.faults import SWITCHES
 from viso.web.requests import ACTIONS
@@ -308,7 +308,7 @@ def _further(firmware: Firmware) -> Iterator[str]:
 def _renames() -> Iterator[tuple[str, ...]]:
     for old, rename in ALL_RENAMES.items():
         if not old.startswith("SR") or old.startswith("SR0_"):
-            since = next(name for name, one in PROFILES.items() if old in one.params.renames)
+            since = next(one.name for one in PROFILES.values() if known_parameters(1, one).find(rename.new) is not None)
             yield f"`{old}`", f"`{rename.new}`", since, first_line(rename.convert).rstrip(".").removeprefix("Return ")
 
 

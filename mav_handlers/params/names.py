@@ -69,6 +69,12 @@ def link_options_of_port(options: int) -> int:
     return private | (OPTION_NO_STREAM_REQUESTS if options & PORT_OPTION_NO_STREAM_REQUESTS else 0)
 
 
+def port_options_of_link(options: int) -> int:
+    """Return the bits of SERIALn_OPTIONS for those of MAVn_OPTIONS: the reverse."""
+    private = PORT_OPTION_PRIVATE if options & OPTION_PRIVATE else 0
+    return private | (PORT_OPTION_NO_STREAM_REQUESTS if options & OPTION_NO_STREAM_REQUESTS else 0)
+
+
 MAV_NAMES: Final = EndpointParams(
     "MAV_SYSID",
     "MAV_GCS_SYSID",

@@ -42,7 +42,7 @@ def _file(folder: Path, name: str, content: bytes) -> Path:
 
 def read_parm(content: bytes, folder: Path) -> None:
     """Read a parameter file."""
-    values = load_parm_file(_file(folder, "any.parm", content), _table(), allow_unknown=True)
+    values = load_parm_file(_file(folder, "any.parm", content), _table())
     assert all(math.isfinite(value) for value in values.values())
     _table().apply_defaults(values, "fuzz")
 

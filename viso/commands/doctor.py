@@ -33,7 +33,7 @@ from viso.terminal.console import err, out, progress
 from viso.terminal.options import DomainOption, RecordedFirmwareOption, firmware_of
 from viso.terminal.outputs import Output
 from viso.terminal.process import stop_on_signal
-from viso.terminal.settings import PRESET_HELP, load_settings, preset_files, read_assignment
+from viso.terminal.settings import PRESET_HELP, STRICT_HELP, load_settings, preset_files, read_assignment
 
 EXIT_FINDINGS: Final = 1
 _LONGEST_S: Final = 86_400.0
@@ -65,7 +65,7 @@ def doctor(
     preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
-    allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help=STRICT_HELP)] = False,
     firmware: RecordedFirmwareOption = None,
     attitude: Annotated[
         Path | None, typer.Option(help="Take the vehicle's own attitude from this log (.BIN, .BIN.xz).", metavar="LOG")
@@ -146,7 +146,7 @@ def doctor(
     except ValueError as error:
         raise InputError(f"--session {session}: {error}") from error
     profile = chosen or firmware_of_recording(stream)
-    params = load_settings(files, param or [], links=1, allow_unknown=allow_unknown, firmware=profile)
+    params = load_settings(files, param or [], links=1, strict=strict, firmware=profile)
     rate = (stream.baud if baud is None else baud) or None
     if rate is not None and rate < 0:
         raise InputError(f"--baud {baud}: not a rate")

@@ -45,7 +45,15 @@ from viso.terminal.ahrs import (
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
 from viso.terminal.options import RecordedFirmwareOption, firmware_of
 from viso.terminal.outputs import Output
-from viso.terminal.settings import PRESET_HELP, first_of, load_settings, needing_reboot, parse_assignments, preset_files
+from viso.terminal.settings import (
+    PRESET_HELP,
+    STRICT_HELP,
+    first_of,
+    load_settings,
+    needing_reboot,
+    parse_assignments,
+    preset_files,
+)
 from viso.vehicle.outcomes import FilterWatch
 from viso.vehicle.sensors.inertial_sources import FLOWN
 from viso.vehicle.vehicle import Vehicle
@@ -95,7 +103,7 @@ def replay(
     preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
-    allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help=STRICT_HELP)] = False,
     firmware: RecordedFirmwareOption = None,
     versus: Annotated[
         str | None,
@@ -169,7 +177,7 @@ def replay(
     profile = chosen or firmware_of_recording(stream)
     files = [*preset_files(preset), *(defaults or [])]
     recorded = params_of_recording(stream)
-    loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=profile)
+    loaded = load_settings(files, [], links=1, strict=strict, firmware=profile)
     assigned = parse_assignments(param or [], "--param", links=1, firmware=profile)
     imu = of_stream(imu, stream_file)
     with_filter = with_filter or (imu or "").startswith(FLOWN)
@@ -190,7 +198,7 @@ def replay(
         runs.append(_Run({**settings, **changes}, setup))
     elif other is not None:
         # Files are read again, because the other firmware may have other parameter names.
-        loaded = load_settings(files, [], links=1, allow_unknown=allow_unknown, firmware=other)
+        loaded = load_settings(files, [], links=1, strict=strict, firmware=other)
         runs.append(_Run({**recorded, **loaded, **assigned}, replace(setup, firmware=other)))
     is_judged = changes and with_filter and kind_of(stream_file, options) == DATAFLASH_LOG
     truth = position_in(read_columns(stream_file)) if is_judged else None

@@ -39,7 +39,7 @@ from viso.terminal.live_report import REFRESH_US, LiveCounts, LiveReport
 from viso.terminal.options import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.terminal.outputs import Output
 from viso.terminal.process import stop_on_signal
-from viso.terminal.settings import PRESET_HELP, load_message_intervals, load_settings, preset_files
+from viso.terminal.settings import PRESET_HELP, STRICT_HELP, load_message_intervals, load_settings, preset_files
 from viso.terminal.verdict_stream import LineWriter, VerdictFormat, VerdictStream
 from viso.vehicle.sensors.inertial_sources import wants_vicon
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -112,7 +112,7 @@ def serve(
     preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
-    allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help=STRICT_HELP)] = False,
     firmware: FirmwareOption = DEFAULT_FIRMWARE,
     log_dir: Annotated[
         Path,
@@ -199,9 +199,7 @@ def serve(
     files = [*preset_files(preset), *(defaults or [])]
     vicon = wants_vicon(vision, imu, "--vision")
     read_only: set[str] = set()
-    settings = load_settings(
-        files, [], links=len(names) + vicon, allow_unknown=allow_unknown, firmware=profile, read_only=read_only
-    )
+    settings = load_settings(files, [], links=len(names) + vicon, strict=strict, firmware=profile, read_only=read_only)
     overrides = load_settings([], param or [], links=len(names) + vicon, firmware=profile)
     with file_errors(f"--log-dir {log_dir}"):
         log_dir.mkdir(parents=True, exist_ok=True)

@@ -28,7 +28,7 @@ from viso.sweep.store import PLOT, SweepFolder, check_tables, table_rows
 from viso.terminal.ahrs import HeadingOption, ImuErrorOption
 from viso.terminal.console import PLOT_HINT, drawing, err, out, progress
 from viso.terminal.outputs import Output
-from viso.terminal.settings import PRESET_HELP
+from viso.terminal.settings import PRESET_HELP, STRICT_HELP
 from viso.vehicle.sensors.inertial_sources import IMU_HELP
 
 _FINDINGS: Final = 1
@@ -93,7 +93,7 @@ def sweep(
     preset: Annotated[str | None, typer.Option(help=PRESET_HELP, metavar="NAME")] = None,
     defaults: Annotated[list[Path] | None, typer.Option(help="Parameter file; repeatable.", metavar="FILE")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE; repeatable, wins over files.")] = None,
-    allow_unknown: Annotated[bool, typer.Option(help="Pass over unknown names in parameter files.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help=STRICT_HELP)] = False,
     baud: Annotated[
         int | None, typer.Option(help="Rate of the UART whose transport time is modelled, 0 for none; as viso replay.")
     ] = None,
@@ -146,7 +146,7 @@ def sweep(
         "preset": preset,
         "defaults": defaults,
         "param": param,
-        "allow_unknown": allow_unknown or None,
+        "strict": strict or None,
         "baud": baud,
         "heading": heading or None,
         "lead": lead,

@@ -1,19 +1,25 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Values of parameters that an earlier release called otherwise, converted as the firmware converts what is stored.
+"""Values of parameters that another release calls otherwise.
 
-Source: ArduCopter/Parameters.cpp (load_parameters), GCS_Common.cpp (GCS_MAVLINK::init), AP_Arming.cpp. The firmware
-does so with its storage alone; here files of parameters are read the same way.
+Those of earlier releases are converted as the firmware converts what is stored: ArduCopter/Parameters.cpp
+(load_parameters), GCS_Common.cpp (GCS_MAVLINK::init), AP_Arming.cpp. Files of parameters are read the same way, and
+those of later releases the other way round, which the firmware does not do.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from ap_core.param import ParamTable
 from ap_core.param_info import ParamType, assigned
-from mav_handlers.params.names import PORT_OPTION_NO_STREAM_REQUESTS, PORT_OPTION_PRIVATE, link_options_of_port
+from mav_handlers.params.names import (
+    PORT_OPTION_NO_STREAM_REQUESTS,
+    PORT_OPTION_PRIVATE,
+    link_options_of_port,
+    port_options_of_link,
+)
 
 _MAVLINK_PROTOCOLS: Final = (1, 2, 43)
 _PORT_BITS: Final = PORT_OPTION_PRIVATE | PORT_OPTION_NO_STREAM_REQUESTS
@@ -32,6 +38,11 @@ def hundredth(value: float) -> float:
     return 0.01 * value
 
 
+def hundredfold(value: float) -> float:
+    """Return a hundred times the value: centimetres of metres, centidegrees of degrees."""
+    return 100 * value
+
+
 def skip_instead_of_check(value: float) -> float:
     """Return the ARMING_SKIPCHK of an ARMING_CHECK: what was not asked for is skipped, and without any, all there is.
 
@@ -43,11 +54,21 @@ def skip_instead_of_check(value: float) -> float:
     return 0 if checks & _CHECK_ALL else ~checks & _KNOWN_CHECKS
 
 
+def check_instead_of_skip(value: float) -> float:
+    """Return the ARMING_CHECK of an ARMING_SKIPCHK: what is not skipped is checked, and if nothing is, all there is.
+
+    Raises ValueError for no finite value.
+    """
+    skipped = int(assigned(value, ParamType.INT32)) & _KNOWN_CHECKS
+    return ~skipped & _KNOWN_CHECKS if skipped else _CHECK_ALL
+
+
 class Rename(NamedTuple):
-    """The name of a parameter since some release, and what becomes of its value."""
+    """The name of a parameter since some release, what becomes of its value, and the reverse."""
 
     new: str
     convert: Callable[[float], float] = same_value
+    revert: Callable[[float], float] = same_value
 
 
 Renames = Mapping[str, Rename]
@@ -86,13 +107,18 @@ class CarriedOver:
     lost: tuple[str, ...]
 
 
+def of_earlier_releases(params: ParamTable, renames: Renames) -> Renames:
+    """Return those of all renames that a vehicle needs for names of releases before its own."""
+    return {old: rename for old, rename in renames.items() if params.find(old) is None}
+
+
 def carry_over(given: Mapping[str, float], params: ParamTable, renames: Renames) -> CarriedOver:
-    """Give values the names of a release; a value that is given under its new name wins.
+    """Give values the names of a release; a value that is given under its own name wins.
 
     Args:
         given: values by name.
         params: the parameters of the release.
-        renames: what it calls otherwise than earlier ones.
+        renames: what it calls otherwise.
 
     Raises:
         ValueError: a value that cannot be converted.
@@ -113,6 +139,25 @@ def carry_over(given: Mapping[str, float], params: ParamTable, renames: Renames)
     return CarriedOver(values, tuple(conversions), tuple(lost))
 
 
+def _of_other_releases(params: ParamTable, renames: Renames) -> Renames:
+    later = {
+        rename.new: Rename(old, rename.revert, rename.convert)
+        for old, rename in renames.items()
+        if params.find(rename.new) is None
+    }
+    return {**of_earlier_releases(params, renames), **later}
+
+
+def carry_over_from_any(given: Mapping[str, float], params: ParamTable, renames: Renames) -> CarriedOver:
+    """Give values of an earlier or a later release the names of a vehicle's; ``renames`` are those of all releases.
+
+    Raises ValueError for a value that cannot be converted.
+    """
+    carried = carry_over(given, params, _of_other_releases(params, renames))
+    moved = tuple(_move_link_options(carried.values, params))
+    return replace(carried, conversions=(*carried.conversions, *moved))
+
+
 def _move_port_options(values: dict[str, float], params: ParamTable) -> Iterator[Conversion]:
     """Move what SERIALn_OPTIONS says of MAVLink to the options of the port's link, unless that was done before."""
     for link, port in enumerate(_mavlink_ports(values, params), 1):
@@ -124,6 +169,16 @@ def _move_port_options(values: dict[str, float], params: ParamTable) -> Iterator
         values[new] = int(values.get(new, 0)) | link_options_of_port(options)
         values[done] = 1
         yield Conversion(old, options, new, values[new])
+
+
+def _move_link_options(values: dict[str, float], params: ParamTable) -> Iterator[Conversion]:
+    """Move MAVn_OPTIONS to the options of the link's port, for a vehicle that has none of a link."""
+    for link, port in enumerate(_mavlink_ports(values, params), 1):
+        old, new = f"MAV{link}_OPTIONS", f"SERIAL{port}_OPTIONS"
+        if old in values and params.find(old) is None and params.find(new) is not None:
+            options = int(assigned(values.pop(old), ParamType.INT16))
+            values[new] = int(values.get(new, 0)) | port_options_of_link(options)
+            yield Conversion(old, options, new, values[new])
 
 
 def _mavlink_ports(values: Mapping[str, float], params: ParamTable) -> Iterator[int]:
@@ -142,6 +197,5 @@ def name_here(name: str, params: ParamTable, renames: Renames) -> str | None:
         params: what the vehicle has.
         renames: of all releases.
     """
-    later = [renames[name].new] if name in renames else []
-    earlier = [old for old, rename in renames.items() if rename.new == name]
-    return next((other for other in (*later, *earlier) if params.find(other) is not None), None)
+    rename = _of_other_releases(params, renames).get(name)
+    return None if rename is None or params.find(rename.new) is None else rename.new

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from ap_core.param_info import ParamInfo, ParamType
-from viso.parameters.conversion import Rename, Renames, hundredth
+from viso.parameters.conversion import Rename, Renames, hundredfold, hundredth
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 
 AFTER_FORMAT_VERSION: Final = "FORMAT_VERSION"
@@ -107,15 +107,9 @@ def _parameters(early: Iterable[_Row], late: Iterable[_Row]) -> FlyingParameters
     return FlyingParameters(spots, {**sources, **{row.name: (row.later, 1.0) for row in late}})
 
 
-def _renames(rows: Iterable[_Row]) -> Renames:
-    return {row.name: Rename(row.later, hundredth) for row in rows}
-
-
 IN_CENTIMETRES: Final = _parameters((*_FIRST_MOVED, *_THEN_MOVED), ())
 IN_METRES: Final = _parameters(_THEN_MOVED, _FIRST_MOVED)
 ALL_IN_METRES: Final = _parameters((), (*_FIRST_MOVED, *_THEN_MOVED))
 
-RENAMES: Final = _renames(_FIRST_MOVED)
-"""What ``IN_METRES`` calls otherwise than those before."""
-ALL_RENAMES: Final[Renames] = {**RENAMES, **_renames(_THEN_MOVED)}
-"""What ``ALL_IN_METRES`` does."""
+RENAMES: Final[Renames] = {row.name: Rename(row.later, hundredth, hundredfold) for row in (*_FIRST_MOVED, *_THEN_MOVED)}
+"""What ``ALL_IN_METRES`` calls otherwise than ``IN_CENTIMETRES``."""

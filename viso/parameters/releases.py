@@ -15,7 +15,14 @@ import numpy as np
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
 from viso.parameters import copter, flying, sensors
-from viso.parameters.conversion import Rename, Renames, hundredth, skip_instead_of_check
+from viso.parameters.conversion import (
+    Rename,
+    Renames,
+    check_instead_of_skip,
+    hundredfold,
+    hundredth,
+    skip_instead_of_check,
+)
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
 from viso.parameters.flying import FlyingParameters
@@ -58,7 +65,6 @@ class ParameterRelease:
         arming: the ARMING_ group.
         arming_check: which of its rows says what is checked.
         enabled_checks: takes that row's value, returns the checks to make as ARMING_CHECK has them; bit 0 is all.
-        renames: what earlier releases call otherwise.
         more_ahrs: rows that end the AHRS_ group.
         more_stat: rows that end the STAT_ group.
         flow_limit: what the limit of optical flow rates is called in the EK3_ group.
@@ -78,7 +84,6 @@ class ParameterRelease:
     arming: Sequence[ParamInfo]
     arming_check: str
     enabled_checks: Callable[[int], int]
-    renames: Renames
     more_ahrs: Sequence[ParamInfo] = ()
     more_stat: Sequence[ParamInfo] = ()
     flow_limit: str = FLOW_LIMIT
@@ -202,7 +207,7 @@ _FLIGHTS: Final = (
 def _renamed_ranges() -> Iterator[tuple[str, Rename]]:
     for number in range(1, sensors.RANGE_FINDERS + 1):
         for name in ("MIN", "MAX"):
-            yield f"RNGFND{number}_{name}_CM", Rename(f"RNGFND{number}_{name}", hundredth)
+            yield f"RNGFND{number}_{name}_CM", Rename(f"RNGFND{number}_{name}", hundredth, hundredfold)
 
 
 def _renamed_streams() -> Iterator[tuple[str, Rename]]:
@@ -211,24 +216,19 @@ def _renamed_streams() -> Iterator[tuple[str, Rename]]:
             yield f"SR{index}{row}", Rename(f"MAV{index + 1}{row}")
 
 
-RENAMES_OF_4_6: Final[Renames] = {"GPS_TYPE": Rename("GPS1_TYPE")}
-RENAMES_OF_4_7: Final[Renames] = {
-    **RENAMES_OF_4_6,
+ALL_RENAMES: Final[Renames] = {
+    "GPS_TYPE": Rename("GPS1_TYPE"),
     "SYSID_THISMAV": Rename("MAV_SYSID"),
     "SYSID_MYGCS": Rename("MAV_GCS_SYSID"),
     "SYSID_ENFORCE": Rename("MAV_OPTIONS"),
     "TELEM_DELAY": Rename("MAV_TELEM_DELAY"),
     **dict(_renamed_streams()),
     **dict(_renamed_ranges()),
-}
-_RENAMES_OF_FEBRUARY_2026: Final[Renames] = {
-    **RENAMES_OF_4_7,
-    "ARMING_CHECK": Rename("ARMING_SKIPCHK", skip_instead_of_check),
+    "ARMING_CHECK": Rename("ARMING_SKIPCHK", skip_instead_of_check, check_instead_of_skip),
     f"EK3_{FLOW_LIMIT}": Rename(f"EK3_{FLOW_LIMIT_LATER}"),
     **flying.RENAMES,
 }
-ALL_RENAMES: Final[Renames] = {**_RENAMES_OF_FEBRUARY_2026, **flying.ALL_RENAMES}
-"""Those of all releases."""
+"""What later releases call otherwise, by the earlier name."""
 
 
 JULY_2025: Final = ParameterRelease(
@@ -240,7 +240,6 @@ JULY_2025: Final = ParameterRelease(
     copter.ARMING,
     "CHECK",
     checks_to_make,
-    RENAMES_OF_4_7,
 )
 
 STABLE_4_6: Final = ParameterRelease(
@@ -252,7 +251,6 @@ STABLE_4_6: Final = ParameterRelease(
     copter.ARMING,
     "CHECK",
     checks_to_make,
-    RENAMES_OF_4_6,
     range_finder=sensors.RANGE_FINDER_IN_CM,
     range_unit=_CENTIMETRES,
     vicon=sensors.VICON_IN_4_6,
@@ -268,7 +266,6 @@ FEBRUARY_2026: Final = ParameterRelease(
     _ARMING_LATER,
     "SKIPCHK",
     checks_not_skipped,
-    _RENAMES_OF_FEBRUARY_2026,
     _ORIGIN,
     _FLIGHTS,
     FLOW_LIMIT_LATER,
@@ -277,5 +274,5 @@ FEBRUARY_2026: Final = ParameterRelease(
     vicon=sensors.VICON_WITH_QUALITY,
 )
 
-STABLE_4_7: Final = replace(FEBRUARY_2026, renames=ALL_RENAMES, flying=flying.ALL_IN_METRES)
+STABLE_4_7: Final = replace(FEBRUARY_2026, flying=flying.ALL_IN_METRES)
 APRIL_2026: Final = STABLE_4_7

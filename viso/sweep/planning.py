@@ -74,7 +74,7 @@ def _axes(request: SweepRequest, profiles: Sequence[Firmware]) -> tuple[Axis, ..
 
 def _settings(request: SweepRequest, profile: Firmware) -> dict[str, float]:
     files = [*preset_files(request.preset), *(request.defaults or [])]
-    loaded = load_settings(files, [], links=1, allow_unknown=bool(request.allow_unknown), firmware=profile)
+    loaded = load_settings(files, [], links=1, strict=bool(request.strict), firmware=profile)
     return {**loaded, **parse_assignments(request.param or [], "--param", links=1, firmware=profile)}
 
 

@@ -34,7 +34,7 @@ class SweepRequest:
     preset: str | None = None
     defaults: list[Path] | None = None
     param: list[str] | None = None
-    allow_unknown: bool | None = None
+    strict: bool | None = None
     baud: int | None = None
     heading: float | None = None
     lead: float | None = None
@@ -93,7 +93,7 @@ def _value_of(key: str, value: Any, folder: Path) -> Any:
         return _assignments(value)
     if key == "seeds":
         return _as_text(value)
-    if key == "allow_unknown":
+    if key == "strict":
         return _checked(value, bool, "not true or false")
     if key in _WHOLE:
         return _checked(value, int, "not a whole number")

@@ -16,7 +16,7 @@ from ap_visualodom.ap_visualodom import make_params
 from viso.errors import InputError, as_input_errors
 from viso.files.text_files import read_lines, read_text
 from viso.firmware.releases import DEFAULT, Firmware
-from viso.parameters.conversion import NO_RENAMES, Renames, carry_over, name_here
+from viso.parameters.conversion import carry_over_from_any, name_here
 from viso.parameters.left_out import may_ask
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
@@ -25,8 +25,8 @@ _log = logging.getLogger(__name__)
 
 WHOLE_VEHICLE: Final = 200
 """A file of so many parameters was saved by a ground station."""
-OWN_GROUPS: Final = ("VISO_", "EK3_")
-"""In a shorter file, which somebody wrote, an unknown name of these groups is a slip: they are all here."""
+COMPLETE_GROUP: Final = "VISO_"
+"""All names of this group are here, so an unknown one has a line in any file."""
 _BETWEEN_WORDS: Final = re.compile(r"[\s,=]+")
 _CHOICES: Final = ("VISO_TYPE", "EK3_SRC")
 _NAMED: Final = 8
@@ -43,53 +43,46 @@ def _hint(name: str, table: ParamTable) -> str:
 
 
 def load_parm_file(
-    path: Path,
-    table: ParamTable,
-    *,
-    allow_unknown: bool,
-    renames: Renames = NO_RENAMES,
-    read_only: set[str] | None = None,
+    path: Path, table: ParamTable, *, strict: bool = False, read_only: set[str] | None = None
 ) -> dict[str, float]:
-    """Return the values of a .parm file by name; those of an earlier release are converted, and that is logged.
+    """Return the values of a .parm file by name; those that another release calls otherwise are carried over.
 
-    Names that ask for what the filter here does not do are kept, so that the vehicle can tell.
+    What is carried over is logged. So is each unknown name, in a line each. In a file of 200 parameters or more, as a
+    ground station saves it of the whole vehicle, one line counts them, save those of VISO_. Names that ask for what the
+    filter here does not do are kept, so that the vehicle can say so.
 
-    A real vehicle has hundreds of names that no parameter here has: they are passed over, and that is logged in one
-    line. In a file of less than 200 parameters, which somebody wrote, such a name is a slip if it begins as those of
-    external navigation or of the EKF do, or if another release has it.
+    Args:
+        path: the file.
+        table: the parameters of the release.
+        strict: whether a name that would have a line is an error.
+        read_only: takes the names that the file marks with ``@READONLY``: no client may set them (AP_Param.cpp).
 
-    ``renames`` are what the firmware calls otherwise than earlier ones. ``read_only`` takes the names that the file
-    marks with ``@READONLY``: no client may set them (AP_Param.cpp). Raises InputError naming file, line and text, for a
-    bad line or, unless unknown names are allowed, a slip.
+    Raises:
+        InputError: names file, line and text of a bad line, or of an unknown name if ``strict``.
     """
     text = read_text(path)
     with as_input_errors(ParmFileError):
         lines = parse_parm(text, str(path))
     if read_only is not None:
         read_only.update(line.name for line in lines if line.read_only)
-    values, foreign = {}, list[str]()
-    for line in lines:
-        if table.find(line.name) is not None or line.name in renames or may_ask(line.name):
-            values[line.name] = float(line.value)
-        elif not allow_unknown and len(lines) < WHOLE_VEHICLE and _is_slip(line.name, table):
-            hint = _hint(line.name, table)
-            raise InputError(
-                f"{path}:{line.line_number}: unknown parameter: {line.name!r}{hint} (--allow-unknown passes over it)"
-            )
-        else:
-            foreign.append(line.name)
-    if foreign:
-        _log.warning("%s: without effect here, and passed over: %s", path, first_of(foreign))
-    carried = carry_over(values, table, renames)
+    numbers = {line.name: line.line_number for line in lines}
+    given = {line.name: float(line.value) for line in lines}
+    carried = carry_over_from_any(given, table, ALL_RENAMES)
     if carried.conversions:
-        _log.warning("%s: of an earlier release: %s", path, first_of([str(one) for one in carried.conversions]))
+        _log.warning("%s: of another release: %s", path, first_of([str(one) for one in carried.conversions]))
     if carried.lost:
         _log.warning("%s: for links that are not there: %s", path, first_of(carried.lost))
-    return carried.values
-
-
-def _is_slip(name: str, table: ParamTable) -> bool:
-    return name.startswith(OWN_GROUPS) or bool(_hint(name, table))
+    unknown = [name for name in carried.values if table.find(name) is None and not may_ask(name)]
+    foreign = [name for name in unknown if len(lines) >= WHOLE_VEHICLE and not name.startswith(COMPLETE_GROUP)]
+    for name in (name for name in unknown if name not in foreign):
+        if strict:
+            raise InputError(
+                f"{path}:{numbers[name]}: unknown parameter: {name!r} (without --strict it is passed over)"
+            )
+        _log.warning("%s:%d: unknown parameter, passed over: %s", path, numbers[name], name)
+    if foreign:
+        _log.warning("%s: without effect here, and passed over: %s", path, first_of(foreign))
+    return {name: value for name, value in carried.values.items() if name not in unknown}
 
 
 def first_of(names: Sequence[str]) -> str:
@@ -145,19 +138,19 @@ def load_settings(
     assignments: Sequence[str],
     *,
     links: int,
-    allow_unknown: bool = False,
+    strict: bool = False,
     firmware: Firmware = DEFAULT,
     read_only: set[str] | None = None,
 ) -> Mapping[str, float]:
     """Return parameter values from defaults files, then from assignments, which win.
 
-    ``read_only`` takes the names that files mark so. Raises InputError for anything that cannot be used.
+    ``strict`` makes unknown names in files errors; in assignments they always are. ``read_only`` takes the names that
+    files mark so. Raises InputError for anything that cannot be used.
     """
     table = known_parameters(links, firmware)
     values: dict[str, float] = {}
     for path in files:
-        renames = firmware.params.renames
-        values |= load_parm_file(path, table, allow_unknown=allow_unknown, renames=renames, read_only=read_only)
+        values |= load_parm_file(path, table, strict=strict, read_only=read_only)
     values.update(parse_assignment(text, table) for text in assignments)
     for line in _no_such_choices(values, table):
         _log.warning(line)
@@ -172,6 +165,8 @@ def _no_such_choices(values: Mapping[str, float], table: ParamTable) -> Iterator
             known = ", ".join(f"{number} {meaning}" for number, meaning in choices.items())
             yield f"{slot.name} is {value:g}, which is not one of its values: {known}"
 
+
+STRICT_HELP: Final = "Refuse parameter files with unknown names."
 
 PRESETS: Final[Mapping[str, Path]] = MappingProxyType(
     {path.stem: path for path in sorted((Path(__file__).parent / "preset_files").glob("*.parm"))}

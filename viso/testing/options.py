@@ -12,7 +12,9 @@ from typing import Final
 from viso.errors import InputError
 from viso.firmware.releases import DEFAULT, PROFILES
 from viso.logs.logger import LogSink
-from viso.terminal.settings import PRESETS, load_settings
+from viso.parameters.conversion import name_here
+from viso.parameters.releases import ALL_RENAMES
+from viso.terminal.settings import PRESETS, known_parameters, load_settings
 from viso.vehicle.config import VehicleConfig, by_ekf3
 from viso.vehicle.sensors.inertial_sources import read_source, wants_vicon
 from viso.vehicle.sensors.source import ImuOptions
@@ -38,7 +40,7 @@ class AutopilotOptions:
 
     Attributes:
         params: values by name, over those of the preset; they hold from boot on. Names are those of the firmware, or of
-            an earlier one, whose values are converted.
+            another one, whose values are converted.
         preset: parameters of a usual set-up, by a name that ``viso serve --preset`` takes; ``DEFAULT_PARAMS`` for None.
         imu: what its sensors say, as for ``viso serve --imu``: ``follow`` moves as external navigation says, ``bench``
             stands still.
@@ -94,9 +96,10 @@ class AutopilotOptions:
 
     def _own_params(self) -> Mapping[str, float]:
         firmware = PROFILES[self.firmware]
-        earlier = {name: float(self.params[name]) for name in self.params if name in firmware.params.renames}
-        others = [f"{name}={float(value)!r}" for name, value in self.params.items() if name not in earlier]
+        table = known_parameters(1, firmware)
+        renamed = {name: float(self.params[name]) for name in self.params if name_here(name, table, ALL_RENAMES)}
+        others = [f"{name}={float(value)!r}" for name, value in self.params.items() if name not in renamed]
         try:
-            return {**earlier, **load_settings([], others, links=1, firmware=firmware)}
+            return {**renamed, **load_settings([], others, links=1, firmware=firmware)}
         except InputError as error:
             raise ValueError(str(error).replace("--param", "params:", 1)) from None

@@ -176,7 +176,7 @@ def test_example_of_the_help_works(
 
 @pytest.mark.parametrize("command", ["replay", "serve"])
 @pytest.mark.parametrize(("text", "complaint"), [
-    ("VISO_TYPE 1\nVISO_TPYE 1\n", ":2: unknown parameter: 'VISO_TPYE' (--allow-unknown passes over it)"),
+    ("VISO_TYPE 1\nVISO_TPYE 1\n", ":2: unknown parameter: 'VISO_TPYE' (without --strict it is passed over)"),
     ("VISO_TYPE one\n", ":1: "),
 ])  # fmt: skip
 def test_bad_parameter_file_is_one_line(
@@ -185,7 +185,7 @@ def test_bad_parameter_file_is_one_line(
     parm = tmp_path / "bad.parm"
     parm.write_text(text)
     stream = [capture] if command == "replay" else []
-    outcome = viso(command, *stream, "--defaults", parm)
+    outcome = viso(command, *stream, "--defaults", parm, "--strict")
     assert (outcome.code, outcome.out) == (2, "")
     assert outcome.err.startswith(f"viso: {parm}{complaint}")
     assert outcome.err.count("\n") == 1
@@ -197,11 +197,14 @@ def test_bad_number_in_a_parameter_file_is_shown(viso: Viso, capture: Path, tmp_
     assert "one" in viso("replay", capture, "--defaults", parm).err
 
 
-def test_unknown_parameters_of_a_file_may_be_allowed(viso: Viso, capture: Path, tmp_path: Path) -> None:
+def test_unknown_parameters_of_a_file_are_passed_over(
+    viso: Viso, capture: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     capture.write_text(capture.read_text().partition("\n")[0])
     parm = tmp_path / "other.parm"
-    parm.write_text("RC1_MIN 1100\nVISO_TYPE 1\n")
-    assert viso("replay", capture, "--defaults", parm, "--allow-unknown").code == 0
+    parm.write_text("RC9_MIN 1100\nVISO_TYPE 1\n")
+    assert viso("replay", capture, "--defaults", parm).code == 0
+    assert caplog.messages == [f"{parm}:1: unknown parameter, passed over: RC9_MIN"]
 
 
 def test_unknown_parameter_on_the_command_line_is_one_line(viso: Viso, capture: Path) -> None:

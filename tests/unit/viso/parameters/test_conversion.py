@@ -10,8 +10,15 @@ import pytest
 
 from ap_core.param import ParamTable
 from viso.errors import InputError
-from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
-from viso.parameters.conversion import CarriedOver, carry_over, name_here, skip_instead_of_check
+from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, STABLE_4_7, Firmware
+from viso.parameters.conversion import (
+    CarriedOver,
+    carry_over_from_any,
+    check_instead_of_skip,
+    name_here,
+    of_earlier_releases,
+    skip_instead_of_check,
+)
 from viso.parameters.releases import ALL_RENAMES, MAX_LINKS, SR_LINKS, checks_not_skipped
 from viso.parameters.store import MemoryParamStore, ParamStore
 from viso.parameters.table import make_groups
@@ -37,7 +44,7 @@ def table(firmware: Firmware, links: int = 2) -> ParamTable:
 
 
 def carried(values: dict[str, float], firmware: Firmware = JULY_2025, links: int = 2) -> CarriedOver:
-    return carry_over(values, table(firmware, links), firmware.params.renames)
+    return carry_over_from_any(values, table(firmware, links), ALL_RENAMES)
 
 
 @pytest.mark.parametrize(
@@ -50,13 +57,58 @@ def test_mask_of_checks_becomes_a_mask_of_what_is_skipped(check: float, skip: fl
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_mask_that_is_no_number_is_refused(value: float) -> None:
-    with pytest.raises(ValueError, match="cannot be stored as an integer"):
-        skip_instead_of_check(value)
+    for convert in (skip_instead_of_check, check_instead_of_skip):
+        with pytest.raises(ValueError, match="cannot be stored as an integer"):
+            convert(value)
 
 
 @pytest.mark.parametrize("check", [2, 1024, 1024 | 262144])
 def test_what_was_checked_is_checked_after_the_conversion(check: int) -> None:
     assert checks_not_skipped(int(skip_instead_of_check(check))) == check
+
+
+@pytest.mark.parametrize("check", [0, 1, 2, 1024, 1024 | 262144])
+def test_what_is_skipped_is_not_checked_before(check: int) -> None:
+    assert check_instead_of_skip(skip_instead_of_check(check)) == check
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (
+            {"SYSID_THISMAV": 7, "SYSID_MYGCS": 254, "SYSID_ENFORCE": 1},
+            {"MAV_SYSID": 7, "MAV_GCS_SYSID": 254, "MAV_OPTIONS": 1},
+        ),
+        (
+            {"SR0_EXTRA1": 4, "SR1_POSITION": 5, "TELEM_DELAY": 3},
+            {"MAV1_EXTRA1": 4, "MAV2_POSITION": 5, "MAV_TELEM_DELAY": 3},
+        ),
+        ({"RTL_ALT": 1500, "ANGLE_MAX": 3000}, {"RTL_ALT_M": 15, "ATC_ANGLE_MAX": 30}),
+        ({"WPNAV_SPEED": 500, "ATC_SLEW_YAW": 6000}, {"WP_SPD": 5, "ATC_RATE_WPY_MAX": 60}),
+        ({"RNGFND1_MAX_CM": 700, "EK3_MAX_FLOW": 2}, {"RNGFND1_MAX": 7, "EK3_FLOW_MAX": 2}),
+        ({"ARMING_CHECK": 1024}, {"ARMING_SKIPCHK": SKIPPED_BUT_LOGGING}),
+    ],
+)
+def test_names_are_carried_over_both_ways(old: dict[str, float], new: dict[str, float]) -> None:
+    there, back = carried(old, STABLE_4_7), carried(new, STABLE_4_6)
+    assert there.values == pytest.approx(new)
+    assert back.values == pytest.approx(old)
+    assert (there.lost, back.lost) == ((), ())
+    assert [len(one.conversions) for one in (there, back)] == [len(old)] * 2
+
+
+@pytest.mark.parametrize(("options", "port"), [(2, 1024), (4, 4096), (6, 5120)])
+def test_options_of_a_link_move_to_its_port(options: int, port: int) -> None:
+    assert carried({"MAV2_OPTIONS": options}, STABLE_4_6).values == {"SERIAL1_OPTIONS": port}
+
+
+def test_every_name_of_a_release_is_known_in_every_other() -> None:
+    for one in PROFILES.values():
+        values = {param.name: float(param.default) for param in table(one) if not param.name.startswith("MAV")}
+        for other in PROFILES.values():
+            unknown = {name for name in carried(values, other).values if table(other).find(name) is None}
+            gone = {name for name in unknown if not name.startswith(("AHRS_ORIGIN", "STAT_", "SIM_VICON"))}
+            assert gone == set(), (one.name, other.name)
 
 
 def test_ids_and_rates_have_new_names_in_4_7() -> None:
@@ -75,7 +127,7 @@ def test_value_under_the_new_name_wins() -> None:
     assert carried({"MAV_SYSID": 3.0, "SYSID_THISMAV": 7.0}).values == {"MAV_SYSID": 3.0}
 
 
-def test_nothing_is_converted_for_the_earliest_release() -> None:
+def test_nothing_of_its_own_is_converted_for_the_earliest_release() -> None:
     given = {"SYSID_THISMAV": 7.0, "SERIAL1_OPTIONS": 1024.0, "ARMING_CHECK": 0.0}
     assert carried(given, STABLE_4_6).values == given
 
@@ -135,13 +187,37 @@ def test_rates_of_links_that_are_not_there_are_told(tmp_path: Path, caplog: pyte
     assert caplog.messages == [f"{path}: for links that are not there: SR6_EXTRA1"]
 
 
-def test_name_of_a_later_release_is_refused_with_the_one_here(tmp_path: Path) -> None:
-    path = tmp_path / "new.parm"
-    path.write_text("MAV_SYSID 7\n")
-    with pytest.raises(InputError, match="'MAV_SYSID', which this firmware calls SYSID_THISMAV"):
-        load_settings([path], [], links=1, firmware=STABLE_4_6)
+def test_name_of_another_release_on_the_command_line_is_refused_with_the_one_here() -> None:
+    with pytest.raises(InputError, match="parameter MAV_SYSID, which this firmware calls SYSID_THISMAV"):
+        load_settings([], ["MAV_SYSID=7"], links=1, firmware=STABLE_4_6)
     with pytest.raises(InputError, match="parameter ARMING_CHECK, which this firmware calls ARMING_SKIPCHK"):
         load_settings([], ["ARMING_CHECK=0"], links=1, firmware=FEBRUARY_2026)
+
+
+OF_4_7_1 = """\
+VISO_TYPE 1
+ARMING_SKIPCHK 0
+EK3_FLOW_MAX 2.5
+WP_SPD 5
+NOT_HERE_YET 0
+"""
+
+
+@every_firmware
+def test_file_of_4_7_1_loads(tmp_path: Path, firmware: Firmware, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "471.parm"
+    path.write_text(OF_4_7_1)
+    settings = load_settings([path], [], links=1, firmware=firmware)
+    vehicle = Vehicle(VehicleConfig(defaults=settings, firmware=firmware))
+    speed = vehicle.params.find("WP_SPD") or vehicle.params.find("WPNAV_SPEED")
+    assert vehicle.unknown_defaults == ()
+    assert vehicle.copter.arming.is_enabled(1 << 18)
+    assert speed is not None
+    assert float(speed.value) == (5 if speed.name == "WP_SPD" else 500)
+    assert caplog.messages[-1] == f"{path}:5: unknown parameter, passed over: NOT_HERE_YET"
+    converted = [name for name in ("ARMING_SKIPCHK", "EK3_FLOW_MAX", "WP_SPD") if vehicle.params.find(name) is None]
+    assert len(caplog.messages) == (2 if converted else 1)
+    assert all(name in caplog.messages[0] for name in converted)
 
 
 # What is stored
@@ -172,7 +248,7 @@ def test_carried_over_names_are_not_told_as_unknown(tmp_path: Path, caplog: pyte
     path = tmp_path / "storage.parm"
     path.write_text("# mine\nSYSID_THISMAV 7\nNO_SUCH 1\n")
     store = ParamStore(path)
-    store.restore(table(JULY_2025), JULY_2025.params.renames)
+    store.restore(table(JULY_2025), of_earlier_releases(table(JULY_2025), ALL_RENAMES))
     assert caplog.messages == [f"{path}: unknown parameters, kept in the file: NO_SUCH"]
     assert store.unknown == {"SYSID_THISMAV": 7, "NO_SUCH": 1}
 

@@ -93,7 +93,7 @@ def test_command_line_wins_over_the_file(whole: Path) -> None:
     ("baud = 1.5", "baud: not a whole number"),
     ("until = 'late'", "until: not a number"),
     ("imu = 3", "imu: not a text"),
-    ("allow_unknown = 1", "allow_unknown: not true or false"),
+    ("strict = 1", "strict: not true or false"),
     ("baud = " + "[" * 5000, "nested too deeply"),
     ("baud = " + "9" * 5000, "not TOML: Exceeds the limit"),
     ("baud = x", "not TOML: Invalid value (at line 1, column 8)"),

@@ -65,25 +65,26 @@ def test_assignment_of_two_lines_is_refused() -> None:
 
 def test_assignment_to_an_unknown_parameter_is_refused() -> None:
     with pytest.raises(InputError) as raised:
-        load_settings([], ["NO_SUCH=1"], links=1, allow_unknown=True)
+        load_settings([], ["NO_SUCH=1"], links=1)
     assert str(raised.value) == "--param 'NO_SUCH=1': unknown parameter NO_SUCH"
 
 
-@pytest.mark.parametrize("name", ["VISO_TIPE", "EK3_SRC4_YAW"])
-def test_slip_in_a_file_is_an_error_with_its_line(tmp_path: Path, name: str) -> None:
+UNKNOWN = ["VISO_TIPE", "EK3_SRC4_YAW", "SERVO1_MIN"]
+
+
+def test_unknown_names_have_a_line_each(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = parm(tmp_path, "VISO_TYPE 2\n\n" + "".join(f"{name} 1\n" for name in UNKNOWN))
+    assert load_settings([path], [], links=1) == {"VISO_TYPE": 2.0}
+    lines = [f"{path}:{n}: unknown parameter, passed over: {name}" for n, name in enumerate(UNKNOWN, 3)]
+    assert caplog.messages == lines
+
+
+@pytest.mark.parametrize("name", UNKNOWN)
+def test_unknown_name_is_an_error_if_strict(tmp_path: Path, name: str) -> None:
     path = parm(tmp_path, f"VISO_TYPE 2\n\n{name} 1\n")
     with pytest.raises(InputError) as raised:
-        load_settings([path], [], links=1)
-    assert str(raised.value) == f"{path}:3: unknown parameter: {name!r} (--allow-unknown passes over it)"
-
-
-@pytest.mark.parametrize(("name", "allow_unknown"), [("VISO_TIPE", True), ("SERVO1_MIN", False)])
-def test_name_that_is_passed_over_is_told(
-    tmp_path: Path, name: str, allow_unknown: bool, caplog: pytest.LogCaptureFixture
-) -> None:
-    path = parm(tmp_path, f"{name} 1\nVISO_TYPE 2\n")
-    assert load_settings([path], [], links=1, allow_unknown=allow_unknown) == {"VISO_TYPE": 2.0}
-    assert caplog.messages == [f"{path}: without effect here, and passed over: {name}"]
+        load_settings([path], [], links=1, strict=True)
+    assert str(raised.value) == f"{path}:3: unknown parameter: {name!r} (without --strict it is passed over)"
 
 
 @pytest.mark.parametrize("text", ["VISO_TYPE=1,VISO_SCALE=2", "VISO_TYPE 1 VISO_SCALE 2"])
@@ -117,16 +118,26 @@ def test_file_of_a_whole_vehicle_is_read_and_what_is_foreign_told_in_one_line(
 ) -> None:
     params = {"SYSID_THISMAV": 7.0, "VISO_TYPE": 2.0, "EK2_ENABLE": 0.0, **{f"SERVO_{n}": n for n in range(300)}}
     path = parm(tmp_path, "\n".join(FORMS[form].format(name=name, value=value) for name, value in params.items()))
-    assert load_settings([path], [], links=1, firmware=STABLE_4_6) == {"SYSID_THISMAV": 7.0, "VISO_TYPE": 2.0}
+    settings = load_settings([path], [], links=1, firmware=STABLE_4_6, strict=True)
+    assert settings == {"SYSID_THISMAV": 7.0, "VISO_TYPE": 2.0}
     names = ", ".join(["EK2_ENABLE", *(f"SERVO_{n}" for n in range(7))])
     assert caplog.messages == [f"{path}: without effect here, and passed over: {names} and 293 others"]
+
+
+def test_unknown_name_of_external_navigation_has_a_line_in_a_file_of_a_whole_vehicle(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = parm(tmp_path, "".join(f"SERVO_{n} 1\n" for n in range(300)) + "VISO_TIPE 1\n")
+    assert load_settings([path], [], links=1) == {}
+    assert caplog.messages[0] == f"{path}:301: unknown parameter, passed over: VISO_TIPE"
+    assert len(caplog.messages) == 2
 
 
 @pytest.mark.parametrize("text", ["VISO_TYPE abc", "VISO_TYPE nan", "VISO_TYPE"])
 def test_bad_number_in_a_file_is_an_error_with_its_line(tmp_path: Path, text: str) -> None:
     path = parm(tmp_path, f"VISO_SCALE 1\n{text}\n")
     with pytest.raises(InputError) as raised:
-        load_settings([path], [], links=1, allow_unknown=True)
+        load_settings([path], [], links=1)
     assert str(raised.value).startswith(f"{path}:2: ")
     assert "VISO_TYPE" in str(raised.value)
     assert "\n" not in str(raised.value)
