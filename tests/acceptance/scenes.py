@@ -13,13 +13,14 @@ import cv2
 import numpy as np
 
 from tests.acceptance.trial import Trial, run_trial
+from tests.flights import hover, room_tour
+from tests.scenery import Hills, Room
 from viso.companion.vio.config import AglSource, EngineConfig, Scene, VioConfig
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.vio.types import CameraCalibration, NavCameraFrame, Pixels, SensorEvent
 from viso.companion.world.flight import SyntheticFlight, nadir_calibration
 from viso.companion.world.ground import generate_texture
-from viso.companion.world.motion import hover, nadir_survey, room_tour
-from viso.companion.world.scenery import Hills, Room
+from viso.companion.world.motion import nadir_survey
 from viso.companion.world.texture import GroundTexture, to_pixels
 from viso.geometry.pose import SE3
 from viso.geometry.rotation import so3_exp

@@ -6,7 +6,7 @@ import heapq
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from viso.geometry.pose import SE3
 from viso.geometry.rotation import Array, so3_exp
 
 if TYPE_CHECKING:
-    from viso.companion.world.scenery import Place
+    from viso.companion.world.renderer import Renderer
 
 DEFAULT_FRAME_RATE_HZ: Final = 10 / 3
 DEFAULT_RATE_HZ: Final = 200
@@ -64,6 +64,18 @@ def nadir_calibration(width: int = 640, height: int = 480, focal_px: float = 500
 def default_bias() -> ImuBias:
     """Return the biases of an autopilot's IMU without calibration of its own."""
     return ImuBias(accel=np.array([0.06, -0.04, 0.08]), gyro=np.array([0.004, -0.006, 0.003]))
+
+
+class Place(Protocol):
+    """A scenery: the camera's view, and the height of the ground."""
+
+    def renderer(
+        self, texture: GroundTexture, calibration: CameraCalibration, seed: int, noise_sigma: float
+    ) -> "Renderer":
+        """Return its renderer; needs OpenCV."""
+
+    def ground_m(self, east_m: Array, north_m: Array) -> Array:
+        """Return the height of the ground, z of the world in m, at places of any shape."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +141,7 @@ class SyntheticFlight:
     seed: int = 0
     trajectory: FlightPath = field(default_factory=nadir_survey)
     texture: GroundTexture = field(default_factory=generate_texture)
-    place: "Place | None" = None
+    place: Place | None = None
     calibration: CameraCalibration = field(default_factory=nadir_calibration)
     duration_s: float = 60.0
     start_ns: int = 0

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tests.flights import hover
 from tests.unit.viso.companion.msckf.point_world import (
     B_T_C,
     SIGMA,
@@ -24,7 +25,7 @@ from viso.companion.msckf.multi_state import Below, Plane
 from viso.companion.msckf.window_filter import ACCEL, GYRO, VEL, WindowFilter
 from viso.companion.vio.types import ImuSample, ImuWindow
 from viso.companion.world.flight import default_bias
-from viso.companion.world.motion import FlightPath, hover, nadir_survey
+from viso.companion.world.motion import FlightPath, nadir_survey
 from viso.geometry.pose import SE3
 
 CLONES = 11

@@ -8,11 +8,11 @@ import functools
 import numpy as np
 import pytest
 
+from tests.flights import hover
 from tests.unit.viso.companion.msckf.point_world import B_T_C, SIGMA, PointWorld, filter_at
 from viso.companion.msckf.estimator import WindowEstimator
 from viso.companion.msckf.held_points import FEWEST_HELD, MOST_HELD
 from viso.companion.msckf.window_filter import POS, HeldPoint, sigma_of
-from viso.companion.world.motion import hover
 
 FRAMES = 25
 

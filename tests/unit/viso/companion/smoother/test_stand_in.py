@@ -8,10 +8,11 @@ import pytest
 pytest.importorskip("cv2")
 pytest.importorskip("gtsam")
 
+from tests.flights import hover
 from tests.unit.viso.companion.msckf.point_world import B_T_C, NOISE, SIGMA, PointWorld, filter_at
 from viso.companion.msckf.multi_state import Below
 from viso.companion.smoother.estimator import Node, NodeFacts, SmootherEstimator
-from viso.companion.world.motion import FlightPath, hover, nadir_survey
+from viso.companion.world.motion import FlightPath, nadir_survey
 
 
 class Flight:

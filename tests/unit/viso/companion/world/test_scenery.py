@@ -9,10 +9,10 @@ import pytest
 
 pytest.importorskip("cv2")
 
+from tests.scenery import Hills, Room
 from viso.companion.vio.frames import MOUNTINGS
 from viso.companion.world.flight import nadir_calibration
 from viso.companion.world.renderer import PlaneRenderer, Renderer
-from viso.companion.world.scenery import Hills, Room
 from viso.companion.world.texture import GroundTexture
 from viso.geometry.pose import SE3
 

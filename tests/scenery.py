@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenery other than flat ground, and the camera's pictures of it: hills, a room. Needs OpenCV."""
+"""Scenery other than flat ground, and the camera's pictures of it: hills, a room."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Protocol, cast
+from typing import Final, cast
 
 import cv2
 import numpy as np
@@ -25,18 +25,6 @@ _WAVES: Final = 4
 _NO_MAP: Final = np.empty(0)
 
 Rays = npt.NDArray[np.float64]
-
-
-class Place(Protocol):
-    """A scenery: the camera's view, and the height of the ground."""
-
-    def renderer(
-        self, texture: GroundTexture, calibration: CameraCalibration, seed: int, noise_sigma: float
-    ) -> Renderer:
-        """Return its renderer; needs OpenCV."""
-
-    def ground_m(self, east_m: Array, north_m: Array) -> Array:
-        """Return the height of the ground, z of the world in m, at places of any shape."""
 
 
 class HillsRenderer(Renderer):
