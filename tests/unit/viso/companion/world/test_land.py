@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from viso.companion.world.canvas import PARCELS, Canvas, Material
-from viso.companion.world.land import lay_parcels
+from viso.companion.world.ground import lay_parcels
 
 
 def bare(seed: int = 0, size: int = 600, metres_per_pixel: float = 0.2) -> Canvas:

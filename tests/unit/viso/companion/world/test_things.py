@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from viso.companion.world.canvas import Canvas, Material
-from viso.companion.world.things import build, plant, scatter_stones
+from viso.companion.world.ground import build, plant, scatter_stones
 
 NO_BORDERS = np.zeros((0, 2), np.intp)
 
