@@ -3,8 +3,7 @@
 """`viso doctor`: what the autopilot would do with a stream of external navigation, and what to change."""
 
 from viso.doctor.checks import CHECKS, all_checks
-from viso.doctor.checks.check import Check, Finding, Severity, Sighting, check
-from viso.doctor.diagnosis import diagnose
+from viso.doctor.checks.check import Check, Finding, Severity, Sighting, check, diagnose
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.gathering import gather
 from viso.doctor.evidence.own_filter import Witness

@@ -9,8 +9,7 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.checks import all_checks
-from viso.doctor.checks.check import Finding
-from viso.doctor.diagnosis import diagnose
+from viso.doctor.checks.check import Finding, diagnose
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.gathering import gather
 from viso.doctor.evidence.own_filter import OwnFilter, Witness

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the doctor can check, and what a check has found."""
+"""What the doctor can check, what a check has found, and the run of checks on the evidence."""
 
 from collections.abc import Callable, Iterable, Sequence
 from collections.abc import Set as AbstractSet
@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 from viso.doctor.evidence.own_filter import Witness
 from viso.streams.stream_kinds import Aspect
@@ -177,7 +179,22 @@ class Finding:
         return {**fields, **plain, "model": is_model, "messages": numbers}
 
 
-def make_finding(check: Check, sighting: Sighting, vehicle: Witness = Witness.LOG) -> Finding:
+def diagnose(evidence: "Evidence", checks: Iterable[Check]) -> list[Finding]:
+    """Return what checks find, worst first, then by code.
+
+    A check does not run if the recording lacks what it needs.
+    """
+    with np.errstate(all="ignore"):  # streams hold NaN and infinity
+        findings = [
+            _finding(check, sighting, evidence.vehicle_witness)
+            for check in checks
+            if check.needs.isdisjoint(evidence.stream.lacks)
+            for sighting in check.find(evidence)
+        ]
+    return sorted(findings, key=lambda finding: (finding.severity.rank, finding.code))
+
+
+def _finding(check: Check, sighting: Sighting, vehicle: Witness) -> Finding:
     """Return what a check has found; ``vehicle`` is what the vehicle left: its log, or telemetry."""
     return Finding(
         code=check.code,
