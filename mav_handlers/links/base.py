@@ -6,10 +6,14 @@ import os
 import resource
 import select
 import socket
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Protocol, TypeVar
+
+Monotonic = Callable[[], float]
+"""A clock in seconds that never goes back; links read ``time.monotonic`` unless a test passes its own."""
 
 DROP_CLOSED = "link closed"
 DROP_NO_PEER = "no peer"
@@ -239,3 +243,32 @@ def wait_readable(links: Iterable[R], timeout_s: float) -> list[R]:
             poller.register(fd, select.POLLIN)
             waiting[fd] = link
     return [waiting[fd] for fd, _ in poller.poll(max(0.0, timeout_s) * 1000.0)]
+
+
+class Backoff:
+    """The time of the next attempt; each failure in a row doubles the wait."""
+
+    def __init__(self, monotonic: Monotonic = time.monotonic, first_s: float = 0.25, max_s: float = 4.0) -> None:
+        self._monotonic = monotonic
+        self._first_s = first_s
+        self._max_s = max_s
+        self._wait_s = first_s
+        self._due_s = monotonic()
+
+    def due(self) -> bool:
+        """Return whether to try now."""
+        return self._monotonic() >= self._due_s
+
+    def failed(self) -> None:
+        """Wait before the next attempt, twice as long as last time."""
+        self._due_s = self._monotonic() + self._wait_s
+        self._wait_s = min(2.0 * self._wait_s, self._max_s)
+
+    def succeeded(self) -> None:
+        """Forget the failures: after a loss, the next attempt waits only the first interval."""
+        self._wait_s = self._first_s
+
+    def lost(self) -> None:
+        """Wait the first interval after the loss of a connection."""
+        self.succeeded()
+        self.failed()

@@ -4,6 +4,8 @@
 
 import socket
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import Final
 
 from mav_handlers.links.address import SocketAddress
 from mav_handlers.links.base import (
@@ -13,10 +15,40 @@ from mav_handlers.links.base import (
     check_max_bytes,
     reason_of,
 )
-from mav_handlers.links.packetise import datagrams
 
 MAX_DATAGRAM_BYTES = 65535
 READS_PER_CALL = 64
+_STX_V1: Final = 0xFE
+_STX_V2: Final = 0xFD
+_OVERHEAD_V1: Final = 8
+_OVERHEAD_V2: Final = 12
+_SIGNATURE: Final = 13
+_FLAG_SIGNED: Final = 1
+_OTHER_BYTES: Final = 256
+
+
+def datagrams(data: bytes) -> Iterator[bytes]:
+    """Yield the bytes in order, frame by frame; other bytes in pieces of at most 256 (AP_HAL/utility/packetise.cpp).
+
+    Some clients read no more than a couple of kilobytes of a datagram.
+    """
+    start = 0
+    while start < len(data):
+        end = min(start + _frame_bytes(data, start), len(data))
+        yield data[start:end]
+        start = end
+
+
+def _frame_bytes(data: bytes, start: int) -> int:
+    marker, left = data[start], len(data) - start
+    if marker == _STX_V1 and left >= _OVERHEAD_V1:
+        return data[start + 1] + _OVERHEAD_V1
+    if marker == _STX_V2 and left >= _OVERHEAD_V2:
+        return data[start + 1] + _OVERHEAD_V2 + (_SIGNATURE if data[start + 2] & _FLAG_SIGNED else 0)
+    return next(
+        (at - start for at in range(start + 1, min(start + _OTHER_BYTES, len(data))) if data[at] in (_STX_V1, _STX_V2)),
+        _OTHER_BYTES,
+    )
 
 
 class DatagramLink(LinkParts, ABC):

@@ -13,8 +13,7 @@ from typing import Any
 
 import serial
 
-from mav_handlers.links.base import LinkError, bad_string, cannot_open
-from mav_handlers.links.retry import Backoff, Monotonic
+from mav_handlers.links.base import Backoff, LinkError, Monotonic, bad_string, cannot_open
 from mav_handlers.links.stream import StreamLink
 
 DEFAULT_BAUD = 115200

@@ -8,8 +8,7 @@ import socket
 import time
 
 from mav_handlers.links.address import SocketAddress, parse_host_port, resolve, text_of
-from mav_handlers.links.base import Link, News, cannot_open, is_short_of_descriptors, reason_of
-from mav_handlers.links.retry import Backoff, Monotonic
+from mav_handlers.links.base import Backoff, Link, Monotonic, News, cannot_open, is_short_of_descriptors, reason_of
 from mav_handlers.links.stream import StreamLink
 
 CONNECT_TIMEOUT_S = 5.0

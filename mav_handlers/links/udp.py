@@ -5,9 +5,8 @@
 import time
 
 from mav_handlers.links.address import SocketAddress, parse_host_port, resolve, text_of
-from mav_handlers.links.base import DROP_NO_PEER, cannot_open
+from mav_handlers.links.base import DROP_NO_PEER, Monotonic, cannot_open
 from mav_handlers.links.datagram import DatagramLink, datagram_socket
-from mav_handlers.links.retry import Monotonic
 from mav_handlers.wire.codec import begins_with_frame
 
 PEER_TIMEOUT_S = 60.0

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mav_handlers.links.packetise import datagrams
+from mav_handlers.links.datagram import datagrams
 
 
 def frame(version: int, text: str, *, signed: bool = False) -> bytes:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Waits between attempts, on a clock that the test moves."""
 
-from mav_handlers.links.retry import Backoff
+from mav_handlers.links.base import Backoff
 
 
 class Clock:
