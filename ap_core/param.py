@@ -10,7 +10,7 @@ import logging
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from ap_core.param_info import (
     is_within_hundredth_percent,
     to_f32,
 )
+
+T = TypeVar("T")
 
 __all__ = [
     "NO_INDEX",
@@ -328,3 +330,50 @@ class ParamTable:
         self._file_defaults.setdefault(slot.name, (value, read_only))
         if not whole_vector and slot.name not in self._stored:
             slot.group.store(slot.key, from_wire(value, slot.type))
+
+
+class FromParams(Generic[T]):
+    """A cached value that depends on parameters alone; call the object to get the value.
+
+    Args:
+        work_out: computes the value; called at the first use, and at the first use after any parameter was stored.
+    """
+
+    def __init__(self, params: ParamTable, work_out: Callable[[], T]) -> None:
+        self._params = params
+        self._work_out = work_out
+        self._generation: int | None = None
+        self._value: T
+
+    def __call__(self) -> T:
+        """Return the value for the present parameters."""
+        if self._generation != self._params.generation:
+            self._value = self._work_out()
+            self._generation = self._params.generation
+        return self._value
+
+
+class Numbers(dict[str, float]):
+    """Numbers by parameter name, each looked up once until a parameter changes.
+
+    It is a dictionary that fills itself, because a dictionary lookup is fastest.
+
+    Args:
+        prefix: precedes each requested name.
+        renamed: actual names of some requested names.
+    """
+
+    def __init__(self, params: ParamTable, prefix: str = "", renamed: Mapping[str, str] | None = None) -> None:
+        super().__init__()
+        self._renamed = dict(renamed or {})
+        self._params = params
+        self._prefix = prefix
+        params.on_change.append(self._forget)
+
+    def _forget(self) -> None:
+        self.clear()
+
+    def __missing__(self, name: str) -> float:
+        """Look a parameter up by its name after the prefix; ValueError when there is none."""
+        number = self[name] = self._params.get_number(self._prefix + self._renamed.get(name, name))
+        return number

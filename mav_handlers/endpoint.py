@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ap_core.cint import u8, u32
 from ap_core.fmath import ieee754
-from ap_core.param import ParamEcho
-from ap_core.param_cache import FromParams
+from ap_core.param import FromParams, ParamEcho
 from ap_core.verdict import Verdict, VerdictKind
 from mav_handlers.channel import Channel, Context, Rest, TransmitReserve
 from mav_handlers.handlers import HANDLERS, VISION_MESSAGES

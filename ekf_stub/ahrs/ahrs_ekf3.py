@@ -19,8 +19,7 @@ from ap_core.cint import u32
 from ap_core.clock import VirtualClock, count_before
 from ap_core.fmath import f32, ieee754
 from ap_core.location import Location
-from ap_core.param import ParamTable
-from ap_core.param_cache import FromParams
+from ap_core.param import FromParams, ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f

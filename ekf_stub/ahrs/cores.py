@@ -10,8 +10,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from ap_core.internal_error import InternalErrors
-from ap_core.param import ParamTable
-from ap_core.param_cache import FromParams
+from ap_core.param import FromParams, ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.sinks import RecordSink, TextSink
 from ekf_stub.ahrs.vehicle_state import VehicleState, has_compass, imu_pos

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from ap_core.param_cache import FromParams
+from ap_core.param import FromParams
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.vehicle_state import has_compass

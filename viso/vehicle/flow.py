@@ -10,8 +10,7 @@ import numpy as np
 from ap_core.cint import float_of_u64, i32, u8, u16, u32
 from ap_core.clock import NEVER, Clock
 from ap_core.fmath import FLT_EPSILON, M_PI, cosf, f32, ieee754, is_zero, sinf
-from ap_core.param import ParamTable
-from ap_core.param_cache import FromParams
+from ap_core.param import FromParams, ParamTable
 from ap_core.sinks import RecordSink
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.inputs.measurements import FlowMeasurement

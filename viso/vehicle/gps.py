@@ -10,8 +10,7 @@ import numpy as np
 from ap_core.cint import int_of_float, u8, u16, u32
 from ap_core.clock import NEVER, Clock
 from ap_core.fmath import f32
-from ap_core.param import ParamTable
-from ap_core.param_cache import FromParams
+from ap_core.param import FromParams, ParamTable
 from ap_core.sinks import RecordSink, TextSink
 from ekf_stub.inputs.measurements import FIX_3D, USUAL_LAG_S, GpsSample
 from mav_handlers.wire.messages import GPS_INPUT

@@ -10,8 +10,7 @@ import numpy as np
 from ap_core.cint import i8, u32
 from ap_core.clock import NEVER, Clock
 from ap_core.fmath import f32
-from ap_core.param import ParamTable
-from ap_core.param_cache import FromParams
+from ap_core.param import FromParams, ParamTable
 from ap_core.sinks import RecordSink
 from ekf_stub.inputs.measurements import DOWNWARD, FinderState, RangeState, RangeStatus
 from ekf_stub.reports import Three

@@ -18,8 +18,7 @@ from ap_core.cint import i16
 from ap_core.clock import NEVER, VirtualClock, count_before
 from ap_core.internal_error import InternalErrors
 from ap_core.location import Location
-from ap_core.param import ParamTable
-from ap_core.param_cache import FromParams
+from ap_core.param import FromParams, ParamTable
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.core.params import EkfSources
@@ -29,6 +28,7 @@ from ekf_stub.log.replay_log import ReplayLog
 from ekf_stub.log.replay_log_structure import RFRH
 from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MavEndpoint
+from mav_handlers.senders.status import system_text
 from mav_handlers.statustext import TEXT_FIELD_LEN, StatusTextQueue
 from mav_handlers.transfers.log_transfer import LogTransfer
 from viso.logs.library import NoLogs, StoredLogs
@@ -38,9 +38,9 @@ from viso.parameters.conversion import carry_over_from_any, of_earlier_releases
 from viso.parameters.left_out import left_out
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
-from viso.vehicle.banner import banner
 from viso.vehicle.config import VehicleConfig, bench
 from viso.vehicle.copter.copter import Copter
+from viso.vehicle.copter.motors import frame_text
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
 from viso.vehicle.ftp import UartCounts, UartsText, VehicleFiles
 from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
@@ -383,8 +383,9 @@ class Vehicle:
         ]
 
     def banner(self) -> tuple[str, ...]:
-        """Return the texts that introduce the vehicle."""
-        return banner(self._config.firmware, self.params)
+        """Return the texts with the firmware, the system id and the frame (GCS_MAVLINK_Copter::send_banner)."""
+        system_id = self.params.get_int(self.release.params.system_id)
+        return self.firmware.banner, system_text(system_id), frame_text(self.params)
 
     def is_armed(self) -> bool:
         """Return whether it is armed."""

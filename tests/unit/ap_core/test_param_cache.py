@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from ap_core.param import ParamTable
-from ap_core.param_cache import FromParams, Numbers
+from ap_core.param import FromParams, Numbers, ParamTable
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamInfo, ParamType
 

@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""When the motors may turn, and how long they take.
+"""When the motors may turn, how long they take, and how the frame is named.
 
 Source: ArduCopter/motors.cpp (motors_output), AP_Motors/AP_MotorsMulticopter.cpp (output_logic).
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from ap_core.clock import NEVER
+from ap_core.param import ParamTable
 
 if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle
@@ -21,6 +24,34 @@ LIFT_US: Final = 1_277_000
 """From rest until the motors of the reference lifted it, in all recordings."""
 SPOOL_DOWN_US: Final = 507_000
 """From the end of a landing until the motors of the reference idled, in all recordings."""
+_QUAD_TYPES: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        0: "PLUS",
+        1: "X",
+        2: "V",
+        3: "H",
+        4: "VTAIL",
+        5: "ATAIL",
+        6: "PLUSREV",
+        12: "BF_X",
+        13: "DJI_X",
+        14: "CW_X",
+        16: "NYT_PLUS",
+        17: "NYT_X",
+        18: "X_REV",
+        19: "Y4",
+    }
+)
+"""Names of FRAME_TYPE in texts, of a quad (AP_MotorsMatrix::setup_quad_matrix)."""
+
+
+def frame_text(params: ParamTable) -> str:
+    """Return the text that names the frame (AP_Motors::get_frame_and_type_string).
+
+    FIRMWARE PARITY: whatever FRAME_CLASS says, it is a quad.
+    """
+    kind = _QUAD_TYPES.get(params.get_int("FRAME_TYPE"))
+    return "Frame: QUAD" if kind is None else f"Frame: QUAD/{kind}"
 
 
 class Motors:

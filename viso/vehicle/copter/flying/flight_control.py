@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from ap_core.clock import NEVER
 from ap_core.location import Location
-from ap_core.param_cache import FromParams
+from ap_core.param import FromParams
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.inertial import GRAVITY_MSS
 from mav_handlers.handlers.commands.flight import GuidedTarget
