@@ -19,7 +19,7 @@ from ap_visualodom.ap_visualodom_backend import NO_ERR, AP_VisualOdom_Backend
 from ap_visualodom.ap_visualodom_intelt265 import AP_VisualOdom_IntelT265
 from ap_visualodom.ap_visualodom_mav import AP_VisualOdom_MAV
 from ap_visualodom.ports import Ahrs, RecordSink, TextSink
-from ap_visualodom.release import JULY_2025, VisualOdomRelease
+from ap_visualodom.release import STABLE_4_7, VisualOdomRelease
 from ap_visualodom.var_info import GROUP_PREFIX, VAR_INFO, VisualOdom_Type
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 
@@ -59,7 +59,7 @@ class AP_VisualOdom:
         logger: RecordSink,
         clock: Clock,
         errors: InternalErrorSink,
-        release: VisualOdomRelease = JULY_2025,
+        release: VisualOdomRelease = STABLE_4_7,
     ) -> None:
         self.params = params
         self.ahrs = ahrs

@@ -189,8 +189,7 @@ def prepare_filter(_stack: ExitStack) -> Round:
     from ekf_stub.core.inertial import GRAVITY_MSS
     from ekf_stub.core.lanes import Lanes
     from ekf_stub.core.params import EkfSources, Params
-    from ekf_stub.release import JULY_2025
-    from viso.parameters.ekf3 import FLOW_LIMIT_LATER
+    from ekf_stub.release import STABLE_4_7
     from viso.parameters.table import make_groups
 
     table = ParamTable(make_groups(0, make_params()))
@@ -199,11 +198,11 @@ def prepare_filter(_stack: ExitStack) -> Round:
             table.set(name, value)
     sources = EkfSources(lambda name: table.get_int(f"EK3_{name}"))
     params = Params()
-    params.read(lambda name: table.get_number(f"EK3_{JULY_2025.flow_limit if name == FLOW_LIMIT_LATER else name}"))
+    params.read(lambda name: table.get_number(f"EK3_{name}"))
     sizes = buffer_sizes(table.get_int, sources, has_camera=True, has_flow=False)
     imus = Imus(1)
     imus.imus[0].has_data = True
-    lanes = Lanes(params, sources, sizes, JULY_2025, imus, [0], [0], 1)
+    lanes = Lanes(params, sources, sizes, STABLE_4_7, imus, [0], [0], 1)
     at_rest = [0.0, 0.0, 0.0, 0.0, -GRAVITY_MSS * _LOOP_US / 1e6, 0.0, 0.0, 0.0, _LOOP_US / 1e6, _LOOP_US / 1e6]
     frame = 0
 

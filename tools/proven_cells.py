@@ -14,7 +14,7 @@ from pathlib import Path
 from rich.table import Table
 
 from viso.compare.recordings import compare_recording, recordings_in
-from viso.firmware.releases import DEFAULT, PROFILES, Firmware
+from viso.firmware.releases import JULY_2025, PROFILES, Firmware
 from viso.replay.ekf.run import NothingToCompare
 from viso.terminal.console import err, out
 
@@ -35,7 +35,7 @@ def main() -> None:
     """Print a row a strategy."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recordings", nargs="+", type=Path, help="recordings of one release, or folders of them")
-    parser.add_argument("--against", choices=PROFILES, default=DEFAULT.name, help="the profile to differ from")
+    parser.add_argument("--against", choices=PROFILES, default=JULY_2025.name, help="the profile to differ from")
     options = parser.parse_args()
     proven: dict[str, list[str]] = {}
     for path, _ in recordings_in(options.recordings):

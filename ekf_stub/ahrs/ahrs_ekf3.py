@@ -59,7 +59,7 @@ from ekf_stub.log.replay_log import (
     ReplayLog,
     VehicleFrame,
 )
-from ekf_stub.release import JULY_2025, FilterRelease
+from ekf_stub.release import STABLE_4_7, FilterRelease
 from ekf_stub.reports import (
     MAV_SEVERITY_INFO,
     NUMBER_OF_IMUS,
@@ -126,7 +126,7 @@ class Ekf3Ahrs(AhrsBase):
         logger: RecordSink,
         params: ParamTable,
         texts: TextSink,
-        release: FilterRelease = JULY_2025,
+        release: FilterRelease = STABLE_4_7,
         *,
         start_us: int = AHRS_START_US,
         buffer_ms: int = 0,

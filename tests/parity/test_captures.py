@@ -94,9 +94,9 @@ def test_results_of_commands_are_the_firmwares(run: "Replayed") -> None:
 def test_release_is_told_by_the_capture_or_the_log_beside_it(run: "Replayed") -> None:
     release, _, stem = run.name.partition("/")
     path = PARITY / release / "captures" / f"{stem}.jsonl.gz"
-    told = kind_of(path).firmware_of(path)
+    told = kind_of(path).judged_by(path)
     assert told is not None
-    assert told.name == release
+    assert told.firmware.name == release
 
 
 def test_every_message_has_a_verdict_with_a_reason(run: "Replayed") -> None:

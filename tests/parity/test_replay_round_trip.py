@@ -27,8 +27,8 @@ from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, ReplayLog, VehicleFrame
 from ekf_stub.log.reporting import report_of
-from ekf_stub.release import JULY_2025
 from ekf_stub.reports import words_of
+from viso.firmware.releases import JULY_2025
 from viso.logs.logger import STRUCTURES, Logger, MemoryLog
 from viso.parameters.ekf3 import FLOW_LIMIT_LATER
 from viso.parameters.table import make_groups
@@ -78,7 +78,7 @@ class Flight:
 
     def __init__(self) -> None:
         self.clock = VirtualClock()
-        params = ParamTable(make_groups(1, make_params()))
+        params = ParamTable(make_groups(1, make_params(), JULY_2025.params))
         for name, value in PARAMETERS.items():
             params.set(name, value)
         self.file = MemoryLog()
@@ -90,12 +90,12 @@ class Flight:
         self.log = ReplayLog(logger, lambda: logger.is_open and params.get_int("LOG_REPLAY") != 0)
         self.texts: list[tuple[float, str]] = []
         core_params, sources = Params(), EkfSources(lambda name: params.get_int(f"EK3_{name}"))
-        renamed = {FLOW_LIMIT_LATER: JULY_2025.flow_limit}
+        renamed = {FLOW_LIMIT_LATER: JULY_2025.ekf.flow_limit}
         core_params.read(lambda name: params.get_number(f"EK3_{renamed.get(name, name)}"))
         imus = Imus()
         imus.imus[0].has_data = True
         sizes = buffer_sizes(params.get_int, sources, has_camera=True)
-        self.lanes = Lanes(core_params, sources, sizes, JULY_2025, imus, [0], [0], 1)
+        self.lanes = Lanes(core_params, sources, sizes, JULY_2025.ekf, imus, [0], [0], 1)
         (self.core,) = self.lanes.cores
         self.core.inputs.has_compass = True
         self.core.inputs.set_lever_arm(LEVER_ARM)

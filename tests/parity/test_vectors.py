@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from ap_visualodom.release import JULY_2025
 from tests.places import RECORDED
 from viso.compare.vectors import line_differences
 from viso.replay.vectors import VectorError, parse_line, recompute
@@ -27,7 +28,7 @@ def lines_of(name: str) -> tuple[str, ...]:
 
 
 def recompute_text(text: str) -> str:
-    return json.dumps(recompute(parse_line(text)))
+    return json.dumps(recompute(parse_line(text), JULY_2025))
 
 
 @cache
@@ -38,7 +39,7 @@ def parsed(name: str) -> tuple[Any, ...]:
 
 def compare(recorded: tuple[Any, ...]) -> tuple[int, int]:
     """Return the numbers of outputs and of differences."""
-    found = [one for line in recorded for one in line_differences(1, line, recompute(line))]
+    found = [one for line in recorded for one in line_differences(1, line, recompute(line, JULY_2025))]
     return sum(map(output_count, recorded)), len(found)
 
 

@@ -144,6 +144,7 @@ def _compared(path: Path, chosen: Firmware | None, title: str, *, which: bool) -
 def _print(comparisons: list[Comparison]) -> None:
     out.print(summary_table(comparisons))
     for one in comparisons:
+        out.print(f"{one.path}: {one.judged_as}")
         for note in one.notes:
             err.print(f"note: {one.path}: {note}")
         if not one.passed:

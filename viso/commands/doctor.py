@@ -145,7 +145,7 @@ def doctor(
         stream = one_session(stream, session)
     except ValueError as error:
         raise InputError(f"--session {session}: {error}") from error
-    profile = chosen or firmware_of_recording(stream)
+    profile = firmware_of_recording(stream, chosen).firmware
     params = load_settings(files, param or [], links=1, strict=strict, firmware=profile)
     rate = (stream.baud if baud is None else baud) or None
     if rate is not None and rate < 0:
@@ -212,6 +212,7 @@ def _print(evidence: Evidence, findings: list[Finding]) -> None:
         for line in finding_lines(finding, out.width if out.is_terminal else None):
             out.print(line)
     summary = summarise(evidence)
+    out.print(str(evidence.set_up.judged_by))
     if summary.outcomes:
         out.print(summary_table(summary))
     for sentence in summary_lines(summary):

@@ -70,17 +70,18 @@ def ekf(
     lanes = compare_texts("MSG", recorded, ours, tolerances_of(kind_of_log(log)))
     are_equal = core is not None or not lanes.differences
     passed = are_equal and all(comparison.passed for comparison in comparisons.values())
-    profile = run.firmware and run.firmware.name
+    assert run.judged_by is not None
     if as_json:
         of_cores = [
             {"core": number, "imu": run.imus[number], **found.as_dict()} for number, found in comparisons.items()
         ]
-        about = {"log": str(log), "firmware": profile, "passed": passed}
+        about = {"log": str(log), **run.judged_by.as_dict(), "passed": passed}
         out.print_json(data={**about, "cores": of_cores, "lanes": None if core is not None else lanes.as_dict()})
     else:
+        out.print(f"{log.name}: {run.judged_by}")
         for number, comparison in comparisons.items():
             name = f"{log.name}, core {number} (IMU {run.imus[number]})"
-            _print(f"{name}: {comparison.records} records compared, firmware {profile}", comparison)
+            _print(f"{name}: {comparison.records} records compared, firmware {run.judged_by.firmware.name}", comparison)
         if core is None and (lanes.differences or lanes.matched):
             out.print(f"changes of the primary core: {lanes}")
             for difference in lanes.differences:

@@ -18,7 +18,7 @@ from viso.doctor.evidence.set_up import Assumed, fitting, vision_carried
 from viso.doctor.evidence.vehicle_position import PositionSeries, position_in
 from viso.errors import InputError
 from viso.files.text_files import write_text
-from viso.firmware.flown import notes_on
+from viso.firmware.flown import JudgedBy
 from viso.firmware.releases import Firmware
 from viso.geometry.frame_change import PRESETS as AXES
 from viso.logs.files import single_log
@@ -174,7 +174,8 @@ def replay(
         raise InputError("--set and --versus: one comparison at a time")
     options = TrajectoryOptions(form, format_name, topic, times, axes, rate)
     stream = read_stream(stream_file, int(lead * 1e6), options)
-    profile = chosen or firmware_of_recording(stream)
+    judged_by = firmware_of_recording(stream, chosen)
+    profile = judged_by.firmware
     files = [*preset_files(preset), *(defaults or [])]
     recorded = params_of_recording(stream)
     loaded = load_settings(files, [], links=1, strict=strict, firmware=profile)
@@ -204,7 +205,7 @@ def replay(
     truth = position_in(read_columns(stream_file)) if is_judged else None
     recorder = None if web is None else _recorder(stream.name)
     outcomes, judges = _run_all(stream, runs, log, records, truth, recorder)
-    _note(stream, profile, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
+    _note(stream, judged_by, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
     if assumed:
         named = ", ".join(f"{one.name}={one.value:g}" for one in assumed)
         err.print(f"note: nothing tells these parameters; assumed so that the stream can be used: {named}")
@@ -218,13 +219,14 @@ def replay(
             None if truth is None else truth.origin,
             list(doubts(changes, used, judges[0].basis)),
         )
-        _print_changes(stream, changes, outcomes, merit if with_filter else None, as_json=as_json)
+        _print_changes(stream, judged_by, changes, outcomes, merit if with_filter else None, as_json=as_json)
     elif other is not None:
-        _print_versus(stream, (profile, other), outcomes, as_json=as_json)
+        _print_versus(stream, judged_by, other, outcomes, as_json=as_json)
     elif as_json:
-        out.print_json(data={"stream": stream.name, **_as_dict(outcomes[0])})
+        out.print_json(data={"stream": stream.name, **judged_by.as_dict(), **_as_dict(outcomes[0])})
     else:
         _tell(outcomes[0])
+        out.print(str(judged_by))
     if with_filter and (reason := why_nothing_fused(outcomes[-1])):
         err.print(f"note: nothing of external navigation was fused: {reason}")
     if web is not None and recorder is not None:
@@ -304,8 +306,8 @@ def _run_all(
         return [outcome_of(index, run) for index, run in enumerate(runs)], judges
 
 
-def _note(stream: Stream, firmware: Firmware, outcome: ReplayOutcome, at_boot: Sequence[str]) -> None:
-    for note in (*stream.notes, *outcome.notes, *notes_on(stream.flown, firmware)):
+def _note(stream: Stream, judged_by: JudgedBy, outcome: ReplayOutcome, at_boot: Sequence[str]) -> None:
+    for note in (*stream.notes, *outcome.notes, *judged_by.notes):
         err.print(f"note: {note}")
     if outcome.unknown_params:
         err.print(f"note: parameters of the recording without effect here: {first_of(outcome.unknown_params)}")
@@ -337,6 +339,7 @@ def _tell(outcome: ReplayOutcome) -> None:
 
 def _print_changes(
     stream: Stream,
+    judged_by: JudgedBy,
     changes: Mapping[str, float],
     outcomes: Sequence[ReplayOutcome],
     merit: _Merit | None,
@@ -350,8 +353,10 @@ def _print_changes(
         differs: dict[str, object] = {"differs": comparison.as_dict()}
         if merit is not None:
             differs |= {"figures": merit_rows(*merit.figures), "doubts": list(merit.doubts)}
-        out.print_json(data={"stream": stream.name, "set": dict(changes), **both, **differs})
+        about = {"stream": stream.name, **judged_by.as_dict(), "set": dict(changes)}
+        out.print_json(data={**about, **both, **differs})
         return
+    out.print(str(judged_by))
     for part in (*setting_lines(changes, before), *replay_tables(comparison, with_filter=before.aiding is not None)):
         out.print(part)
     if merit is not None:
@@ -361,11 +366,11 @@ def _print_changes(
 
 
 def _print_versus(
-    stream: Stream, profiles: tuple[Firmware, Firmware], outcomes: Sequence[ReplayOutcome], *, as_json: bool
+    stream: Stream, judged_by: JudgedBy, other: Firmware, outcomes: Sequence[ReplayOutcome], *, as_json: bool
 ) -> None:
     before, after = outcomes
     comparison = compare_replays(before, after)
-    names = [profile.name for profile in profiles]
+    names = [judged_by.firmware.name, other.name]
     if as_json:
         both = {"before": _as_dict(before), "after": _as_dict(after)}
         differs = {
@@ -374,8 +379,10 @@ def _print_versus(
             "innovations": [change.as_dict() for change in comparison.innovations],
         }
         firmware = dict(zip(both, names, strict=True))
-        out.print_json(data={"stream": stream.name, "firmware": firmware, **both, "differs": differs})
+        about = {"stream": stream.name, "firmware": firmware, "firmware_reason": judged_by.reason}
+        out.print_json(data={**about, **both, "differs": differs})
         return
     out.print(f"before: firmware {names[0]}; after: firmware {names[1]}")
+    out.print(str(judged_by))
     for part in (*firmware_tables(comparison), *replay_tables(comparison, with_filter=before.aiding is not None)):
         out.print(part)

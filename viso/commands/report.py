@@ -11,7 +11,6 @@ import typer
 from viso.errors import InputError, file_errors
 from viso.extras import installed_version, pip_install
 from viso.files.outputs import output_file, refuse_input
-from viso.firmware.flown import notes_on, profile_for
 from viso.firmware.releases import Firmware
 from viso.report.exports import csv_text, mcap_bytes, trajectories, tum_text
 from viso.report.facts import Facts, facts_of
@@ -74,11 +73,12 @@ def report(
     wants_figures = page is not None or png is not None or svg is not None
     if wants_figures:
         _check_figures()
-    profile, material, facts, summary = _read(log, chosen)
+    material, facts, summary = _read(log, chosen)
     written_files = [_write(path, data) for path, data in _exports(material, tum, csv, mcap)]
     if wants_figures:
         written_files += _draw(material, facts, summary, page, png, svg)
     out.print(f"{summary.level.badge.upper()}: {summary.sentence}")
+    out.print(str(facts.judged_by))
     for remark in summary.remarks:
         out.print(f"- {remark.text}")
     for path in written_files:
@@ -88,7 +88,7 @@ def report(
         from viso.web.flight_log import log_recording
         from viso.web.live_view import show_recording
 
-        show_recording(web, log_recording(material, facts, summary, profile), err.print)
+        show_recording(web, log_recording(material, facts, summary), err.print)
 
 
 def _page_path(output: Path, log: Path) -> Path:
@@ -98,14 +98,13 @@ def _page_path(output: Path, log: Path) -> Path:
     return output / (Path(stem).stem + ".html")
 
 
-def _read(log: Path, chosen: Firmware | None) -> tuple[Firmware, Material, Facts, Summary]:
+def _read(log: Path, chosen: Firmware | None) -> tuple[Material, Facts, Summary]:
     with progress("reading", 100) as show:
         material = read_material(log, show)
-    firmware = chosen or profile_for(material.flown, {one.name for one in material.parameters})
-    for note in notes_on(material.flown, firmware):
+    facts = facts_of(material, chosen)
+    for note in facts.judged_by.notes:
         err.print(f"note: {log}: {note}")
-    facts = facts_of(material, firmware)
-    return firmware, material, facts, summarise(material, facts)
+    return material, facts, summarise(material, facts)
 
 
 def _write(path: Path, data: bytes) -> Path:
@@ -165,6 +164,7 @@ def _draw(
         if page is not None and is_pdf:
             lines = [
                 f"{summary.level.badge.upper()}: {summary.sentence}",
+                str(facts.judged_by),
                 *(f"- {one.text}" for one in summary.remarks),
             ]
             written.append(_write(page, drawing.as_pdf(page.stem, lines, drawn)))

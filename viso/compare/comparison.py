@@ -24,6 +24,7 @@ class Comparison:
         fields: the number of fields, texts and acknowledgements that were compared.
         notes: what could not be compared, a line each.
         named: the name of the profile that the recording names; empty if it names none.
+        firmware_reason: why viso had that profile, as the end of a sentence.
     """
 
     path: Path
@@ -35,6 +36,12 @@ class Comparison:
     differences: tuple[Difference, ...]
     notes: tuple[str, ...] = ()
     named: str = ""
+    firmware_reason: str = ""
+
+    @property
+    def judged_as(self) -> str:
+        """Which profile viso had, and why."""
+        return f"judged as {self.firmware}: {self.firmware_reason}"
 
     @property
     def passed(self) -> bool:
@@ -62,6 +69,7 @@ class Comparison:
             "recording": str(self.path),
             "kind": self.kind,
             "firmware": self.firmware,
+            "firmware_reason": self.firmware_reason,
             "named": self.named or None,
             "messages": self.messages,
             "records": self.records,

@@ -17,7 +17,7 @@ from viso.compare.tolerances import CONVERSATION, TIMES, tolerances_of
 from viso.documents import parsed_json
 from viso.errors import InputError
 from viso.files.text_files import read_lines
-from viso.firmware.releases import DEFAULT, PROFILES, Firmware
+from viso.firmware.releases import JULY_2025, PROFILES, Firmware
 from viso.recording.fields import message_of
 from viso.running.virtual_time import Scheduler
 from viso.streams.capture import MAX_PARAMETER
@@ -191,7 +191,7 @@ def _answered(message: Message, label: str, wanted: Any) -> Any:
 def specified_in(exchanges: Sequence[Exchange]) -> set[str]:
     """Return the releases whose answers are specified; none in a conversation that was recorded."""
     others = {name for exchange in exchanges for name in exchange.get("answers of", ())}
-    return others and others | {DEFAULT.name}
+    return others and others | {JULY_2025.name}
 
 
 def compare_conversation(path: Path, firmware: Firmware, on_progress: Callable[[int, int], None]) -> Comparison:

@@ -276,9 +276,8 @@ def make_page(comparisons: Sequence[Comparison], version: str) -> str:
         html.table(_HEAD, rows, (3, 4, 5, 6), ("" if one.passed else "trouble" for one in comparisons)),
     ]
     for one in comparisons:
-        if not one.passed or one.notes:
-            body.append(f"<h2>{escape(f'{one.path} as {one.firmware}')}</h2>")
-        body += [f'<p class="soft">{escape(note)}</p>' for note in one.notes]
+        body.append(f"<h2>{escape(f'{one.path} as {one.firmware}')}</h2>")
+        body += [f'<p class="soft">{escape(note)}</p>' for note in (one.judged_as, *one.notes)]
         if not one.passed:
             body.append(html.table(_FIELDS_HEAD, _field_rows(one), (1,)))
     body.append(f'<p class="soft">Made by viso {escape(version)}.</p>')

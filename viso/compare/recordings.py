@@ -18,8 +18,8 @@ from viso.compare.vectors import compare_vectors
 from viso.documents import parsed_json
 from viso.errors import InputError
 from viso.files.text_files import read_lines
-from viso.firmware.flown import profile_for, version_in
-from viso.firmware.releases import DEFAULT, PROFILES, Firmware
+from viso.firmware.flown import JudgedBy, profile_for, version_in
+from viso.firmware.releases import DEFAULT, JULY_2025, PROFILES, Firmware
 from viso.logs.recorded import read_columns
 from viso.replay.ekf.run import NothingToCompare, recorded_firmware
 
@@ -35,14 +35,14 @@ class RecordingKind(NamedTuple):
         endings: the endings of file names, in small letters.
         is_begun_by: returns whether the first line of a JSON file is of this kind; None for kinds with their own
             endings.
-        firmware_of: returns the profile of the release that a recording names, or None.
+        judged_by: returns the release that a recording names, or None.
         compare: compares a recording with a profile.
     """
 
     content: str
     endings: tuple[str, ...]
     is_begun_by: Callable[[Any], bool] | None
-    firmware_of: Callable[[Path], Firmware | None]
+    judged_by: Callable[[Path], JudgedBy | None]
     compare: Callable[[Path, Firmware, Progress], Comparison]
 
 
@@ -58,30 +58,35 @@ def _first_line(path: Path) -> Any:
     raise InputError(f"{path}: empty")
 
 
-def firmware_in(text: str) -> Firmware | None:
-    """Return the profile that a recording's firmware text names: month and year of a master, or a version."""
+def release_in(text: str) -> JudgedBy | None:
+    """Return the release that a recording's firmware text names: month and year of a master, or a version."""
     dates = ((one, calendar.month_name[int(one.date[5:])], one.date[:4]) for one in PROFILES.values())
     by_month = next((one for one, month, year in dates if f"{month} {year}" in text), None)
     flown = version_in(text)
-    return by_month or (None if flown is None else profile_for(flown, ()))
+    if by_month is not None:
+        return JudgedBy(by_month, f"the recording says {text}")
+    return None if flown is None else profile_for(flown, ())
 
 
-def _of_header(path: Path) -> Firmware | None:
-    return firmware_in(str(_first_line(path).get("firmware", "")))
+def _of_header(path: Path) -> JudgedBy | None:
+    return release_in(str(_first_line(path).get("firmware", "")))
 
 
-def _of_capture(path: Path) -> Firmware | None:
+def _of_capture(path: Path) -> JudgedBy | None:
     log = log_beside(path)
     return _of_header(path) or (None if log is None else _of_log(log))
 
 
-def _of_conversation(path: Path) -> Firmware | None:
-    # One that says what each release answers is held with the reference.
-    return _of_header(path) or (DEFAULT if specified_in(read_conversation(path)[1]) else None)
+def _of_conversation(path: Path) -> JudgedBy | None:
+    found = _of_header(path)
+    if found is None and specified_in(read_conversation(path)[1]):
+        return JudgedBy(JULY_2025, "the recording says what other releases answer otherwise")
+    return found
 
 
-def _of_log(path: Path) -> Firmware | None:
-    return recorded_firmware(read_columns(path))
+def _of_log(path: Path) -> JudgedBy | None:
+    found = recorded_firmware(read_columns(path))
+    return None if found.stands_for is None else found
 
 
 def _has(*fields: str) -> Callable[[Any], bool]:
@@ -161,30 +166,32 @@ def compare_recording(
     Raises InputError if the recording cannot be used.
     """
     kind = kind_of(path)
-    named = kind.firmware_of(path)
+    named = kind.judged_by(path)
     if firmware is None and named is None:
         found = compare_with_all(path, on_progress)
         names = most_like([found])
-        best = found[names[0]]
-        return replace(best, notes=(*best.notes, f"it names no release; it is most like {' and '.join(names)}"))
-    comparison = kind.compare(path, firmware or named or DEFAULT, on_progress)
-    return replace(comparison, named=_name(named))
+        reason = f"the recording names no release, and is most like {' and '.join(names)}"
+        return replace(found[names[0]], firmware_reason=reason)
+    chosen = named if firmware is None else JudgedBy(firmware, "it was asked for")
+    assert chosen is not None
+    comparison = kind.compare(path, chosen.firmware, on_progress)
+    return replace(comparison, named=_name(named), firmware_reason=chosen.reason)
 
 
-def _name(firmware: Firmware | None) -> str:
-    return "" if firmware is None else firmware.name
+def _name(named: JudgedBy | None) -> str:
+    return "" if named is None else named.firmware.name
 
 
 def compare_with_all(path: Path, on_progress: Progress) -> dict[str, Comparison]:
     """Compare a recording with each profile, by name. Raises InputError if it cannot be used."""
     kind = kind_of(path)
-    named = _name(kind.firmware_of(path))
+    named = _name(kind.judged_by(path))
     found = ((name, kind.compare(path, profile, on_progress)) for name, profile in PROFILES.items())
-    return {name: replace(comparison, named=named) for name, comparison in found}
+    return {name: replace(one, named=named, firmware_reason="all are tried") for name, one in found}
 
 
 def most_like(found: Iterable[Mapping[str, Comparison]]) -> list[str]:
-    """Return the profiles under which the fewest fields of all recordings differ, the reference first among equals."""
+    """Return the profiles under which the fewest fields of all recordings differ, the default first among equals."""
     totals = dict.fromkeys([DEFAULT.name, *PROFILES], 0)
     for comparisons in found:
         for name, comparison in comparisons.items():

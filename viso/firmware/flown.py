@@ -5,18 +5,30 @@
 import re
 from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
-from viso.firmware.releases import DEFAULT, PROFILES, Firmware
+from ap_core.param import ParamTable
+from viso.firmware.releases import DEFAULT, OFFICIAL, PROFILES, Firmware
+from viso.parameters.releases import ALL_RENAMES, MAX_LINKS
+from viso.parameters.table import make_groups
 
 COPTER: Final = "Copter"
 # Up to 3.5 it was APM:Copter V3.5.4, of rovers APMrover2 V3.5.0; of those who build their own, CubeCopter V4.5.7.
 _BANNER: Final = re.compile(
-    r"\S*?(copter|plane|rover|sub|blimp|tracker)2? +v?(\d+)\.(\d+)[^(]*(?:\(([0-9a-f]{8})\w*\))?",
+    r"\S*?(copter|plane|rover|sub|blimp|tracker)2? +v?(\d+)\.(\d+)([^(]*)(?:\(([0-9a-f]{8})\w*\))?",
     re.IGNORECASE,
 )
+_STAGES: Final = {0: "-dev", 64: "-alpha", 128: "-beta", 192: "-rc"}
+"""By FIRMWARE_VERSION_TYPE, what stands behind the number."""
 _LAST_WITHOUT_SOURCES: Final = (4, 0)
 _LAST_WITHOUT_QUALITY: Final = (4, 5)
+_NAMED_PARAMETERS: Final = 3
+_CHANGED_NAMES: Final = (
+    *(name for old, rename in ALL_RENAMES.items() for name in (old, rename.new)),
+    "MAV_GCS_SYSID_HI",
+)
+"""Names of parameters by which releases are told apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +40,8 @@ class FlownVersion:
         vehicle: "Copter", "Plane", "Rover", "Sub", "Blimp" or "Tracker"; empty where it does not say.
         major, minor: version numbers.
         source_hash: 8 hex digits of its revision; empty where it does not say.
+        is_master: whether it is a master ("-dev"), of which many have the same numbers.
+        witness: what says so.
     """
 
     text: str
@@ -35,6 +49,8 @@ class FlownVersion:
     major: int
     minor: int
     source_hash: str = ""
+    is_master: bool = False
+    witness: str = "the banner"
 
     @property
     def has_sources(self) -> bool:
@@ -50,53 +66,130 @@ class FlownVersion:
         return (self.major, self.minor) > _LAST_WITHOUT_QUALITY
 
 
+@dataclass(frozen=True, slots=True)
+class JudgedBy:
+    """The release that a recording is judged by.
+
+    Attributes:
+        firmware: its profile.
+        reason: how it was found, as the end of a sentence.
+        notes: in what the release that flew may differ from it, a sentence each.
+        stands_for: the release that flew; None if the recording does not name it, or the user names another one.
+    """
+
+    firmware: Firmware
+    reason: str
+    notes: tuple[str, ...] = ()
+    stands_for: FlownVersion | None = None
+
+    def __str__(self) -> str:
+        """Return which release it is and how it was found, in one line."""
+        return f"judged as {self.firmware.name}: {self.reason}"
+
+    def as_dict(self) -> dict[str, str]:
+        """Return the release's name and how it was found, for machine-readable output."""
+        return {"firmware": self.firmware.name, "firmware_reason": self.reason}
+
+
 def version_in(text: str) -> FlownVersion | None:
     """Return the version that a text introduces a vehicle with; None of any other text."""
     found = _BANNER.match(text)
     if found is None:
         return None
-    vehicle, major, minor, source_hash = found.groups()
-    return FlownVersion(text, vehicle.capitalize(), int(major), int(minor), (source_hash or "").lower())
+    vehicle, major, minor, stage, source_hash = found.groups()
+    is_master = "-dev" in stage.lower()
+    return FlownVersion(text, vehicle.capitalize(), int(major), int(minor), (source_hash or "").lower(), is_master)
 
 
 def version_of_number(sw_version: int, source_hash: str, vehicle: str) -> FlownVersion | None:
-    """Return the version of AUTOPILOT_VERSION.flight_sw_version; None of 0, which tells none."""
-    major, minor, patch = sw_version >> 24 & 0xFF, sw_version >> 16 & 0xFF, sw_version >> 8 & 0xFF
+    """Return the version of AUTOPILOT_VERSION.flight_sw_version; None of 0, which names none."""
+    major, minor, patch, kind = sw_version.to_bytes(4, "big")
     if major == 0:
         return None
-    return FlownVersion(f"Ardu{vehicle or 'Pilot'} V{major}.{minor}.{patch}", vehicle, major, minor, source_hash)
+    stage = "" if kind == OFFICIAL else _STAGES.get(kind, f"-{kind}")
+    text = f"Ardu{vehicle or 'Pilot'} V{major}.{minor}.{patch}{stage}"
+    return FlownVersion(text, vehicle, major, minor, source_hash, kind == 0, "AUTOPILOT_VERSION")
 
 
-def profile_for(flown: FlownVersion | None, names: Container[str]) -> Firmware:
-    """Return the profile that is nearest to what flew: its own, else the next older one, else the oldest.
+def profile_for(flown: FlownVersion | None, names: Container[str], given: Firmware | None = None) -> JudgedBy:
+    """Return the release to judge a recording by: the one that is given, that flew, or that is nearest to what flew.
+
+    A release is known by its version; a master by its revision, else by which of its parameters other masters do not
+    have. The nearest to another one is the next older one, else the oldest.
 
     Args:
-        flown: what flew; the reference stands for what is not known.
-        names: of its parameters, which tell masters of one version apart.
+        flown: what flew; None if the recording does not name it.
+        names: of the recorded parameters.
+        given: the release that the user asks for.
     """
-    if flown is None:
-        return DEFAULT
+    if given is not None:
+        what = "" if flown is None else f"; {flown.witness} says {flown.text}"
+        return JudgedBy(given, f"it was asked for{what}", tuple(_notes(flown, given, names)))
+    firmware, reason = _of_parameters(names) if flown is None else _of_version(flown, names)
+    return JudgedBy(firmware, reason, tuple(_notes(flown, firmware, names)), flown)
+
+
+def _of_version(flown: FlownVersion, names: Container[str]) -> tuple[Firmware, str]:
+    says = f"{flown.witness} says {flown.text}"
     profiles = list(PROFILES.values())
-    numbers = [(one.major, one.minor) for one in profiles]
     version = flown.major, flown.minor
-    nearest = max((number for number in numbers if number <= version), default=numbers[0])
-    fitting = [one for one, number in zip(profiles, numbers, strict=True) if number == nearest]
-    by_hash = [one for one in fitting if one.source_hash == flown.source_hash]
-    by_name = [one for one in fitting if f"ARMING_{one.params.arming_check}" in names]
-    newest = fitting if version == nearest else fitting[::-1]
-    return (by_hash or by_name or newest)[0]
+    nearest = max((one.version for one in profiles if one.version <= version), default=profiles[0].version)
+    fitting = [one for one in profiles if one.version == nearest]
+    exact = [one for one in fitting if one.source_hash == flown.source_hash]
+    if nearest == version and not flown.is_master:
+        exact = exact or [one for one in fitting if one.release_type == OFFICIAL]
+    if exact:
+        return exact[0], says
+    if nearest != version or len(fitting) == 1:
+        chosen = fitting[0] if version < nearest else fitting[-1]
+        return chosen, f"{says}, and {chosen.name} is the nearest that is known here"
+    # The oldest that fits: a later one would be known by its parameters.
+    chosen = min(fitting, key=lambda one: len(_foreign(one, names)))
+    telling = _telling(chosen, fitting, names)
+    return chosen, f"{says}, and {f'it has {telling}' if telling else 'nothing tells which master that is'}"
 
 
-def notes_on(flown: FlownVersion | None, firmware: Firmware) -> Iterator[str]:
-    """Yield in what a recording's release may differ from the profile that stands for it, a sentence each."""
+def _of_parameters(names: Container[str]) -> tuple[Firmware, str]:
+    def rank(one: Firmware) -> tuple[int, bool, bool]:
+        return len(_foreign(one, names)), one is not DEFAULT, one.release_type != OFFICIAL
+
+    chosen = min(PROFILES.values(), key=rank)
+    telling = _telling(chosen, PROFILES.values(), names)
+    how = f"and has {telling}" if telling else "and this is the default"
+    return chosen, f"the recording does not name its release, {how}"
+
+
+def _foreign(firmware: Firmware, names: Container[str]) -> list[str]:
+    """Return recorded names by which a release does not call its parameters, but another one does."""
+    own = _parameters_of(firmware.name)
+    return [name for name in _CHANGED_NAMES if name in names and own.find(name) is None]
+
+
+@cache
+def _parameters_of(firmware: str) -> ParamTable:
+    return ParamTable(make_groups(MAX_LINKS, release=PROFILES[firmware].params))
+
+
+def _telling(firmware: Firmware, among: Iterable[Firmware], names: Container[str]) -> str:
+    """Return the recorded names that a release has and some of the others lack, a few of them."""
+    own = _foreign(firmware, names)
+    telling = dict.fromkeys(name for one in among for name in _foreign(one, names) if name not in own)
+    return ", ".join([*telling][:_NAMED_PARAMETERS])
+
+
+def _notes(flown: FlownVersion | None, firmware: Firmware, names: Container[str]) -> Iterator[str]:
     if flown is None:
         return
-    note = f"the recording is of {flown.text}, and judged as {firmware.version_text} (--firmware {firmware.name})"
-    here, there = (firmware.major, firmware.minor), (flown.major, flown.minor)
+    here, there = firmware.version, (flown.major, flown.minor)
     if there < here:
-        yield f"{note}: {'; '.join(_unknown_of(flown))}"
+        yield f"{flown.text} is older than {firmware.name}: {'; '.join(_unknown_of(flown))}"
     elif there > here:
-        yield f"{note}: what changed since is not known here"
+        yield f"{flown.text} is newer than {firmware.name}: what changed since is not known here"
+    elif flown.is_master and (strange := _foreign(firmware, names)):
+        yield (
+            f"{flown.text} is no release that is known here: {', '.join(strange[:_NAMED_PARAMETERS])} are not of "
+            f"{firmware.name}; what changed between the releases of docs/firmware.md may be as before or as after"
+        )
     if flown.vehicle and flown.vehicle != COPTER:
         yield (
             f"the vehicle is a {flown.vehicle}: AP_VisualOdom, EKF3 and what takes the messages are the same in all "
@@ -105,7 +198,7 @@ def notes_on(flown: FlownVersion | None, firmware: Firmware) -> Iterator[str]:
         )
 
 
-def _unknown_of(flown: FlownVersion) -> Iterable[str]:
+def _unknown_of(flown: FlownVersion) -> Iterator[str]:
     if not flown.has_sources:
         yield "before 4.1 there are no EK3_SRC1_*, messages go to EKF2 whatever VISO_TYPE is, and no velocity is used"
     elif not flown.reads_quality:

@@ -83,6 +83,11 @@ class Firmware:
     reads_flow_rates: bool = False
 
     @property
+    def version(self) -> tuple[int, int]:
+        """Return the version's major and minor number."""
+        return self.major, self.minor
+
+    @property
     def banner(self) -> str:
         """Return the text by which ground stations and log readers know the vehicle."""
         return f"{self.version_text} ({self.source_hash})"
@@ -190,7 +195,7 @@ PROFILES: Final[Mapping[str, Firmware]] = MappingProxyType(
 )
 """The releases by the names that ``--firmware`` takes, the oldest first."""
 
-DEFAULT: Final = JULY_2025
+DEFAULT: Final = STABLE_4_7
 """The release that is meant where none is named."""
 
 ALIASES: Final[Mapping[str, str]] = MappingProxyType({"4.7-dev": JULY_2025.name})

@@ -19,7 +19,7 @@ from viso.parameters import copter, sensors
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 from viso.parameters.ekf3 import make_ekf3_group
 from viso.parameters.flying import AFTER_FORMAT_VERSION, AFTER_INS, AFTER_RC
-from viso.parameters.releases import JULY_2025, ParameterRelease
+from viso.parameters.releases import STABLE_4_7, ParameterRelease
 
 _OFF_ON: Final = {0: "Disabled", 1: "Enabled"}
 _LOG_DISARMED: Final = {0: "No", 1: "Yes", 2: "Not with USB", 3: "Yes, discarded if never armed"}
@@ -116,7 +116,7 @@ def _object(prefix: str, rows: Sequence[ParamInfo], top_level_prefix: str) -> Pa
 
 
 def make_groups(
-    number_of_links: int, visual_odom: ParamGroup | None = None, release: ParameterRelease = JULY_2025
+    number_of_links: int, visual_odom: ParamGroup | None = None, release: ParameterRelease = STABLE_4_7
 ) -> list[ParamGroup]:
     """Return fresh groups with default values for a vehicle, in list order.
 

@@ -15,7 +15,7 @@ from mav_handlers.links.tlog import YEAR_2000_US
 from mav_handlers.wire.messages import Message
 from viso.files.outputs import output_file
 from viso.firmware.flown import FlownVersion, profile_for
-from viso.firmware.releases import OFFICIAL, Firmware
+from viso.firmware.releases import Firmware
 from viso.recording.matching import Handled, baud_of, match, out_of, vision_records
 from viso.recording.recorder import Recording
 from viso.recording.scenario import Start
@@ -44,16 +44,15 @@ def version_of(recording: Recording) -> FlownVersion | None:
 def version_text(recording: Recording) -> str:
     """Return the firmware as it introduces itself, with its revision."""
     found = version_of(recording)
-    if found is None or recording.version is None:
+    if found is None:
         return "unknown"
-    kind = recording.version.flight_sw_version & 0xFF
-    return f"{found.text}{'' if kind == OFFICIAL else '-dev'} ({found.source_hash})"
+    return f"{found.text} ({found.source_hash})"
 
 
 def differing(recording: Recording) -> dict[str, float]:
     """Return the parameters that held in the steps, where they are not those of viso's nearest profile."""
     held = recording.params | recording.set_params
-    defaults = _defaults(profile_for(version_of(recording), held))
+    defaults = _defaults(profile_for(version_of(recording), held).firmware)
     return {name: value for name, value in held.items() if name in defaults and defaults[name] != value}
 
 

@@ -22,7 +22,7 @@ from ap_core.matrix3 import Matrix3f
 from ap_core.quaternion import Quaternion
 from ap_core.rotations import quaternion_from_rotation, rotate_vector
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
-from ap_visualodom.release import JULY_2025, VisualOdomRelease
+from ap_visualodom.release import STABLE_4_7, VisualOdomRelease
 from ekf_stub.ahrs.ahrs_settable import BodyFrameOdom, ExtNav, ExtNavCall, SettableAhrs
 from mav_handlers.jitter_correction import JitterCorrection
 from viso.documents import parsed_json
@@ -76,7 +76,7 @@ class Scenario:
     has no known form.
     """
 
-    def __init__(self, params: dict[str, object], release: VisualOdomRelease = JULY_2025) -> None:
+    def __init__(self, params: dict[str, object], release: VisualOdomRelease = STABLE_4_7) -> None:
         self._clock = VirtualClock()
         self._ahrs = SettableAhrs()
         self._out: Out = []
@@ -287,7 +287,7 @@ def _recompute_maths(line: list[object]) -> list[object]:
         raise VectorError(f"{function}: {error}") from error
 
 
-def recompute(line: object, release: VisualOdomRelease = JULY_2025) -> object:
+def recompute(line: object, release: VisualOdomRelease = STABLE_4_7) -> object:
     """Return a recorded line with its outputs computed by the port.
 
     It is a scenario (object with ``steps``), a jitter sequence (object with ``samples``) or a maths call (list); only

@@ -14,7 +14,8 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.gathering import gather
 from viso.doctor.evidence.own_filter import OwnFilter, Witness
 from viso.estimators.series import Array, Mask, Series, spans_of
-from viso.firmware.releases import DEFAULT, Firmware
+from viso.firmware.flown import JudgedBy, profile_for
+from viso.firmware.releases import Firmware
 from viso.logs.event_names import EV_ALT_RESET, EV_YAW_RESET
 from viso.report.agreement import VisionLessEkf, lag_ms, vision_less_ekf
 from viso.report.flight_data import Material, position_moves
@@ -88,6 +89,7 @@ class Facts:
         own: what the vehicle's own filter said.
         findings: what the doctor finds without a trial, so that no model has a say.
         parameters: that differ from defaults.
+        judged_by: the release whose defaults those are.
     """
 
     start_s: float
@@ -106,6 +108,7 @@ class Facts:
     own: OwnFilter
     findings: tuple[Finding, ...]
     parameters: ParameterFacts
+    judged_by: JudgedBy
 
     @property
     def measurements(self) -> int:
@@ -118,8 +121,9 @@ class Facts:
         return sum(kind.withheld for kind in self.kinds)
 
 
-def facts_of(material: Material, firmware: Firmware = DEFAULT) -> Facts:
-    """Return what a report says about a log; defaults of parameters are those of a release."""
+def facts_of(material: Material, given: Firmware | None = None) -> Facts:
+    """Return what a report says about a log; ``given`` is the release to judge it by, if the user asks for one."""
+    judged_by = profile_for(material.flown, {one.name for one in material.parameters}, given)
     times = [one.time_s for one in (*material.vision, material.xkf1, material.xkf4) if len(one)]
     spoken = np.array([one.time_s for one in material.happenings])
     every_s = np.concatenate([*times, spoken]) if times or len(spoken) else np.zeros(1)
@@ -130,7 +134,7 @@ def facts_of(material: Material, firmware: Firmware = DEFAULT) -> Facts:
     if len(arrivals_s) and end_s - arrivals_s[-1] > UNHEALTHY_S:
         gaps.append((float(arrivals_s[-1]), end_s))
     status_s = material.xkf4.time_s
-    evidence = gather(material.stream, vehicle=material.vehicle, firmware=firmware, is_tried=False)
+    evidence = gather(material.stream, vehicle=material.vehicle, firmware=judged_by.firmware, is_tried=False)
     own = evidence.vehicle.own_filter
     assert own is not None
     return Facts(
@@ -151,7 +155,8 @@ def facts_of(material: Material, firmware: Firmware = DEFAULT) -> Facts:
         differences=vision_less_ekf(material),
         own=own,
         findings=tuple(_findings(evidence)),
-        parameters=parameter_facts(material, firmware),
+        parameters=parameter_facts(material, judged_by.firmware),
+        judged_by=judged_by,
     )
 
 

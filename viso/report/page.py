@@ -30,6 +30,7 @@ def make_page(
     body = [
         f"<h1>External navigation in {name}</h1>",
         _verdict(summary),
+        f'<p class="soft">{escape(str(facts.judged_by))}</p>',
         _numbers(facts),
         _contents(drawn),
         *(_figure(kind, svg) for kind, svg in drawn.items()),

@@ -26,7 +26,7 @@ from mav_handlers.wire.messages import (
 )
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.errors import InputError
-from viso.firmware.flown import FlownVersion, version_in
+from viso.firmware.flown import FlownVersion, profile_for, version_in
 from viso.logs.recorded import RecordError, numbers, read_columns, records_in, text, whole
 from viso.streams.capture import MAX_PARAMETER
 from viso.streams.rebuilding import DeltaRecord, PoseRecord, Rebuilder, Record, Three, VelocityRecord
@@ -258,7 +258,7 @@ def _of_one_stamp(first: _Event, second: _Event | None) -> bool:
 
 def _rebuilt(content: _LogContent, *, together: bool) -> Iterator[tuple[int, Message]]:
     """Yield when each message was handled, and the message."""
-    rebuilder = Rebuilder()
+    rebuilder = Rebuilder(profile_for(content.flown, content.params).firmware.endpoint.error_formula)
     for name, value in content.params.items():
         rebuilder.set_param(name, value)
     # A log that begins later does not tell when the camera was aligned: it was, then.

@@ -21,7 +21,7 @@ from mav_handlers.wire.messages import (
     STATUSTEXT,
     Message,
 )
-from viso.firmware.flown import FlownVersion, profile_for, version_in, version_of_number
+from viso.firmware.flown import FlownVersion, JudgedBy, profile_for, version_in, version_of_number
 from viso.firmware.releases import Firmware
 from viso.streams.stream import Stream, received_in
 
@@ -185,6 +185,6 @@ def params_of_recording(stream: Stream) -> Mapping[str, float]:
     return {one.name: one.value for one in params_heard(stream).values[::-1] if math.isfinite(one.value)}
 
 
-def firmware_of_recording(stream: Stream) -> Firmware:
-    """Return the profile that stands for the release that flew in a recording."""
-    return profile_for(stream.flown, () if stream.flown is None else params_of_recording(stream))
+def firmware_of_recording(stream: Stream, given: Firmware | None = None) -> JudgedBy:
+    """Return the release to judge a recording by; ``given`` is the one that the user asks for."""
+    return profile_for(stream.flown, params_of_recording(stream), given)

@@ -8,7 +8,7 @@ covariance. What is lost for good stays lost: a covariance below the least error
 
 import math
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from ap_core.rotations import Rotation, quaternion_from_rotation, rotate_vector
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import make_params
 from ap_visualodom.var_info import VisualOdom_Type
-from mav_handlers.covariance import pose_errors
+from mav_handlers.covariance import ErrorFormula, cube_root_of_squares
 from mav_handlers.handlers.vision import MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_FRD
 from mav_handlers.wire.messages import (
     ODOMETRY,
@@ -86,10 +86,12 @@ Record = PoseRecord | VelocityRecord | DeltaRecord
 class Rebuilder:
     """Makes messages of records, by the VISO_ parameters of their time.
 
-    Once the backend has ``aligned`` the camera's yaw, VISO_ORIENT is in its attitudes.
+    ``formula`` is that by which the release that wrote the log makes an error of a covariance. Once the backend has
+    ``aligned`` the camera's yaw, VISO_ORIENT is in its attitudes.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, formula: ErrorFormula) -> None:
+        self._formula = formula
         self._params = ParamTable([make_params()])
         self.aligned = False
 
@@ -163,9 +165,9 @@ class Rebuilder:
 
     def _covariance(self, pose: PoseRecord) -> Covariance:
         least_m, least_rad = (self._params.get_float(f"VISO_{name}_M_NSE") for name in ("POS", "YAW"))
-        return covariance_of(
-            pose.pos_err if pose.pos_err > least_m else 0.0, pose.ang_err if pose.ang_err > least_rad else 0.0
-        )
+        pos_err = pose.pos_err if pose.pos_err > least_m else 0.0
+        ang_err = pose.ang_err if pose.ang_err > least_rad else 0.0
+        return covariance_of(pos_err, ang_err, self._formula)
 
     def _unrotated(self, vector: Three) -> Three:
         """Return the vector that VISO_ORIENT turns into this one: a product with the transposed matrix."""
@@ -192,8 +194,8 @@ def unscaled(value: float, scale: np.float32) -> float:
         return float(min(near, key=lambda number: abs(float(number * scale) - value)))
 
 
-def covariance_of(pos_err: float, ang_err: float) -> Covariance:
-    """Return the 21 numbers of a covariance of which the firmware makes these errors, in m and rad.
+def covariance_of(pos_err: float, ang_err: float, formula: ErrorFormula) -> Covariance:
+    """Return the 21 numbers of a covariance of which a release's formula makes these errors, in m and rad.
 
     The variances of the three axes are the same, but for the last bit. Without any error the covariance is unknown: its
     first element is NaN.
@@ -202,21 +204,22 @@ def covariance_of(pos_err: float, ang_err: float) -> Covariance:
         return UNKNOWN
     elements = [0.0] * 21
     for diagonal, error in ((_POSITION, pos_err), (_ATTITUDE, ang_err)):
-        for index, variance in zip(diagonal, _variances(error) if error > 0 else _NONE, strict=True):
+        for index, variance in zip(diagonal, _variances(error, formula) if error > 0 else _NONE, strict=True):
             elements[index] = variance
     return tuple(elements)
 
 
 @lru_cache(maxsize=4096)
-def _variances(error: float) -> Three:
+def _variances(error: float, formula: ErrorFormula) -> Three:
     """Return the variances of three axes that make an error, found by trial near what theory says."""
-    exact = next((variances for variances in _near(error) if _error_of(variances) == error), None)
-    return exact or min(_near(error), key=lambda variances: abs(_error_of(variances) - error))
+    near = partial(_near, error, formula)
+    exact = next((variances for variances in near() if _error_of(variances, formula) == error), None)
+    return exact or min(near(), key=lambda variances: abs(_error_of(variances, formula) - error))
 
 
-def _near(error: float) -> Iterator[Three]:
+def _near(error: float, formula: ErrorFormula) -> Iterator[Three]:
     """Yield variances to try; those further off, which few errors take, are made only where they are asked for."""
-    guess = f32(math.sqrt(error**3 / 3))
+    guess = f32(math.sqrt(error**3 / 3) if formula is cube_root_of_squares else error**2 / 3)
     for steps in (1, 16):
         for first in _around(guess, _STEPS):
             yield from ((first, first, last) for last in _around(first, steps))
@@ -232,9 +235,6 @@ def _around(number: float | np.float32, steps: int) -> list[float]:
     return found
 
 
-def _error_of(variances: Three) -> float:
-    elements = [0.0] * 21
-    for index, variance in zip(_POSITION, variances, strict=True):
-        elements[index] = variance
+def _error_of(variances: Three, formula: ErrorFormula) -> float:
     with np.errstate(over="ignore"):
-        return float(pose_errors(elements)[0])
+        return float(formula(*map(f32, variances)))

@@ -16,7 +16,7 @@ from ekf_stub.inputs.measurements import DOWNWARD, FinderState, RangeState, Rang
 from ekf_stub.reports import Three
 from mav_handlers.wire.messages import DISTANCE_SENSOR
 from viso.firmware.log_releases import RFND
-from viso.parameters.releases import JULY_2025, RangeUnit
+from viso.parameters.releases import STABLE_4_7, RangeUnit
 from viso.parameters.sensors import RANGE_FINDERS
 
 RANGE_TYPE_NONE: Final = 0
@@ -144,7 +144,7 @@ class MavlinkRanges:
     """The range finders, each if its RNGFNDn_TYPE was 10 at boot; ``unit`` is that of the release's parameters."""
 
     def __init__(
-        self, clock: Clock, params: ParamTable, logger: RecordSink, unit: RangeUnit = JULY_2025.range_unit
+        self, clock: Clock, params: ParamTable, logger: RecordSink, unit: RangeUnit = STABLE_4_7.range_unit
     ) -> None:
         self._clock = clock
         self._params = params

@@ -38,8 +38,8 @@ _ERROR: Final = 3
 _TONES: Final = {Level.GOOD: "good", Level.WARNING: "warn", Level.BAD: "bad"}
 
 
-def log_recording(material: Material, facts: Facts, summary: Summary, firmware: Firmware) -> dict[str, Any]:
-    """Return the message that shows a log; ``firmware`` is the release whose parameters are known."""
+def log_recording(material: Material, facts: Facts, summary: Summary) -> dict[str, Any]:
+    """Return the message that shows a log."""
     length_s = max(facts.end_s - facts.start_s, LOOK_PERIOD_S)
     points = _points(material, facts, _ends(facts, max(LOOK_PERIOD_S, length_s / MOST_POINTS)))
     moments = _moments(material, facts, _ends(facts, max(MOMENT_S, length_s / MOST_POINTS)))
@@ -53,7 +53,7 @@ def log_recording(material: Material, facts: Facts, summary: Summary, firmware: 
         "rates": moments[-1]["rates"],
         "points": points,
         "texts": [[one.time_s, _ERROR if one.is_trouble else one.kind, one.text] for one in material.happenings],
-        "table": list(_table(material, firmware)),
+        "table": list(_table(material, facts.judged_by.firmware)),
         "units": UNITS,
         "sources": _sources(facts.own),
         "summary": {

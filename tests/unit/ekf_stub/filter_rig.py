@@ -161,7 +161,7 @@ class FilterRig:
         return self.table.get_int(f"EK3_{name}")
 
     def _read_params(self) -> None:
-        self._params.read(lambda name: self.table.get_number(f"EK3_{'MAX_FLOW' if name == 'FLOW_MAX' else name}"))
+        self._params.read(lambda name: self.table.get_number(f"EK3_{name}"))
 
     def set_param(self, name: str, value: float) -> None:
         """Set a parameter by its name without ``EK3_``."""

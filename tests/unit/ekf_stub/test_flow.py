@@ -137,7 +137,7 @@ def test_flow_that_is_not_for_navigation_is_tested_alone(params: dict[str, float
 @pytest.mark.parametrize(("rate", "is_fused"), [(1.1, True), (-1.1, False)])
 def test_flow_that_turns_too_fast_one_way_round_is_not_fused(rate: float, is_fused: bool) -> None:
     # Of both, as the firmware compares with the sign: the filter has the other sign than the sensor.
-    told, other = tell(flying(MAX_FLOW=1.0), rate, 0.1, gyro=(rate, 0.0))
+    told, other = tell(flying(FLOW_MAX=1.0), rate, 0.1, gyro=(rate, 0.0))
     assert (told.core.state.vel != other.core.state.vel) is is_fused
 
 

@@ -29,7 +29,7 @@ from tests.copies import Copies
 from tests.unit.viso.command_line import Outcome, Viso
 from viso import cli
 from viso.commands import serve as serve_command
-from viso.firmware.releases import JULY_2025
+from viso.firmware.releases import DEFAULT, JULY_2025, Firmware
 from viso.logs.logger import Logger, LogSink, MemoryLog
 from viso.logs.vehicle_log import VehicleLog
 from viso.parameters.table import make_groups
@@ -56,10 +56,14 @@ class Bench:
     """
 
     def __init__(
-        self, params: Mapping[str, float], make_ahrs: MakeAhrs, open_log: Callable[[], LogSink] | None
+        self,
+        params: Mapping[str, float],
+        make_ahrs: MakeAhrs,
+        open_log: Callable[[], LogSink] | None,
+        firmware: Firmware = DEFAULT,
     ) -> None:
         self.logs: list[MemoryLog] = []
-        config = VehicleConfig(make_ahrs, defaults=params, open_log=open_log or self._open_memory)
+        config = VehicleConfig(make_ahrs, defaults=params, open_log=open_log or self._open_memory, firmware=firmware)
         self.vehicle = Vehicle(config)
         self.texts: list[tuple[int, int, str]] = []
         self.records: list[tuple[str, dict[str, Any]]] = []
@@ -184,11 +188,12 @@ def make_bench() -> Callable[..., Bench]:
         boot: bool = True,
         make_ahrs: MakeAhrs | None = None,
         open_log: Callable[[], LogSink] | None = None,
+        firmware: Firmware = DEFAULT,
         **params: float,
     ) -> Bench:
-        if boot and make_ahrs is None and open_log is None:
+        if boot and make_ahrs is None and open_log is None and firmware is DEFAULT:
             return booted(heading_deg, **params).make()
-        made = Bench(params, make_ahrs or bench(heading_deg), open_log)
+        made = Bench(params, make_ahrs or bench(heading_deg), open_log, firmware)
         if boot:
             made.boot()
         return made
@@ -290,7 +295,7 @@ class CopterRig:
     def __init__(self, open_log: Callable[[], LogSink] | None = MemoryLog, source: VehicleSource | None = None) -> None:
         self.clock = VirtualClock()
         self.clock.set_us(10_000_000)
-        self.params = ParamTable(make_groups(0))
+        self.params = ParamTable(make_groups(0, None, JULY_2025.params))
         self.texts: list[tuple[int, str]] = []
         self.records: list[tuple[str, dict[str, LogValue]]] = []
         self.ahrs = FakeAhrs()

@@ -285,7 +285,8 @@ def flat_height(evidence: Evidence) -> Iterator[Sighting]:
 )
 def ekf3_off(evidence: Evidence) -> Iterator[Sighting]:
     kind, enabled = int(evidence.param("AHRS_EKF_TYPE")), int(evidence.param("EK3_ENABLE"))
-    if evidence.set_up.flown is not None and not evidence.set_up.flown.has_sources:
+    flown = evidence.set_up.judged_by.stands_for
+    if flown is not None and not flown.has_sources:
         kind = int(evidence.set_up.known.get("AHRS_EKF_TYPE", _EKF2))
         if evidence.is_concerned and kind != _EKF2:
             text = f"AHRS_EKF_TYPE is {kind}, and before 4.1 no other estimator than EKF2 takes external navigation"

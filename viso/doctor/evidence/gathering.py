@@ -21,7 +21,6 @@ from viso.doctor.evidence.tracks import HandledMessage
 from viso.doctor.evidence.trial import Trial, run_trial, without_trial
 from viso.doctor.evidence.vehicle_data import VehicleData, is_of_simulator, listen
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
-from viso.firmware.flown import notes_on
 from viso.firmware.releases import Firmware
 from viso.streams.heard import firmware_of_recording
 from viso.streams.stream_kinds import Aspect, Stream
@@ -65,14 +64,15 @@ def gather(
     Raises:
         InputError: a parameter has a value that it cannot take.
     """
-    release = firmware or firmware_of_recording(stream)
+    judged_by = firmware_of_recording(stream, firmware)
+    release = judged_by.firmware
     heard = listen(stream, params, release)
     if heard.clock is not None:
         stream = by_boot_clock(stream, heard.clock)
         heard = replace(listen(stream, params, release), is_simulated=True)
     known = heard.overridden_by(vehicle)
     names = known.vision | vision_carried(stream)
-    set_up = choose_set_up(stream, known, params, names, release, stream.flown if firmware is None else None)
+    set_up = choose_set_up(stream, known, params, names, judged_by)
     if is_tried and names:
         messages, trial = run_trial(
             stream,
@@ -93,7 +93,7 @@ def gather(
         notes.append(f"{stream.name}: the filter (a model) was run over {until} (--filter-seconds)")
     if evidence.stream.poses and not _knows_axes(evidence):
         notes.insert(0, f"{stream.name}: {_AXES_UNKNOWN}")
-    notes += (f"{stream.name}: {one}" for one in notes_on(stream.flown, release))
+    notes += (f"{stream.name}: {one}" for one in judged_by.notes)
     return replace(evidence, notes=tuple(notes))
 
 

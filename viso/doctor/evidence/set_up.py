@@ -12,7 +12,7 @@ from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from viso.doctor.evidence.stream_data import VISION_NAMES
 from viso.doctor.evidence.tracks import POSE_TYPES, VELOCITY_TYPES
 from viso.doctor.evidence.vehicle_data import VehicleData
-from viso.firmware.flown import FlownVersion
+from viso.firmware.flown import FlownVersion, JudgedBy
 from viso.firmware.releases import Firmware
 from viso.streams.stream import message_id_of
 from viso.streams.stream_kinds import Stream
@@ -58,20 +58,23 @@ class SetUp:
     """The firmware and the parameters to try a stream with.
 
     Attributes:
-        firmware: the release that the vehicle of the trial is.
-        flown: the release that flew, which the firmware stands for; None if it stands for none but itself.
+        judged_by: the release that the vehicle of the trial is, and how it was found.
         known: parameters from the recording or the user.
         assumed: parameters that are not known, or that the release that flew does not have.
         is_complete: whether a parameter that is not known is one that the vehicle does not have.
         is_as_flown: whether the parameters are those that the vehicle flew with, as far as they are known.
     """
 
-    firmware: Firmware
-    flown: FlownVersion | None = None
+    judged_by: JudgedBy
     known: Mapping[str, float] = field(default_factory=dict)
     assumed: tuple[Assumed, ...] = ()
     is_complete: bool = False
     is_as_flown: bool = True
+
+    @property
+    def firmware(self) -> Firmware:
+        """The release that the vehicle of the trial is."""
+        return self.judged_by.firmware
 
     @property
     def params(self) -> dict[str, float]:
@@ -84,8 +87,7 @@ def choose_set_up(
     vehicle: VehicleData,
     given: Mapping[str, float],
     names: Collection[str],
-    firmware: Firmware,
-    flown: FlownVersion | None,
+    judged_by: JudgedBy,
 ) -> SetUp:
     """Return the parameters for a vehicle to try a stream.
 
@@ -96,22 +98,20 @@ def choose_set_up(
         vehicle: that is heard in it.
         given: by the user.
         names: of the messages of external navigation in the stream; without any nothing need be assumed.
-        firmware: which calls its parameters by names of its own.
-        flown: the release that the firmware stands for; None if it stands for none but itself.
+        judged_by: the release that the vehicle is, which calls its parameters by names of its own.
     """
     recorded = {**vehicle.params, **stream.params}
     known = {**recorded, **given}
     if vehicle.system_id is not None:
-        known.setdefault(firmware.endpoint.params.system_id, float(vehicle.system_id))
+        known.setdefault(judged_by.firmware.endpoint.params.system_id, float(vehicle.system_id))
     is_complete = bool(stream.params) or vehicle.has_all_params
     assumed = list[Assumed]()
-    if names and flown is not None:
-        assumed += [one for one in _of_older(flown, known) if one.name not in given]
+    if names and judged_by.stands_for is not None:
+        assumed += [one for one in _of_older(judged_by.stands_for, known) if one.name not in given]
     if not is_complete:
         assumed += fitting(names, {*known, *(one.name for one in assumed)})
     return SetUp(
-        firmware=firmware,
-        flown=flown,
+        judged_by=judged_by,
         known=known,
         assumed=tuple(assumed),
         is_complete=is_complete,

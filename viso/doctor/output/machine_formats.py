@@ -21,7 +21,7 @@ def as_json(evidence: Evidence, summary: Summary, findings: Sequence[Finding]) -
     """Return evidence, summary and findings as JSON has them."""
     return {
         "stream": evidence.stream.name,
-        "firmware": evidence.set_up.firmware.name,
+        **evidence.set_up.judged_by.as_dict(),
         "findings": [finding.as_dict() for finding in findings],
         "summary": summary.as_dict(),
         "assumed": {one.name: one.value for one in evidence.set_up.assumed},

@@ -37,7 +37,7 @@ from ekf_stub.log.replay_log import (
     TOUCHDOWN_EXPECTED,
 )
 from ekf_stub.log.reporting import UNINITIALISED, report_of
-from ekf_stub.release import JULY_2025
+from ekf_stub.release import STABLE_4_7
 from ekf_stub.reports import CoreReport, Three, cores_of_mask, words_of
 from viso.logs.recorded import RecordError, finite, numbers, text, whole
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
@@ -82,7 +82,7 @@ class EkfPlayer:
     """
 
     def __init__(self, events: PlayerEvents, frames: Frames, only: int | None = None) -> None:
-        self.release = JULY_2025
+        self.release = STABLE_4_7
         self._events = events
         self._frames = frames
         self._only = only

@@ -19,8 +19,8 @@ from ekf_stub.log.ekf_log import PERIOD_US
 from ekf_stub.log.ekf_log_structure import XKF1, XKF3, XKF4
 from ekf_stub.reports import MAV_SEVERITY_WARNING, CoreReport
 from viso.errors import InputError
-from viso.firmware.flown import profile_for, version_in
-from viso.firmware.releases import DEFAULT, Firmware
+from viso.firmware.flown import JudgedBy, profile_for, version_in
+from viso.firmware.releases import Firmware
 from viso.logs.event_names import ERR_EKF_PRIMARY, EV_SOURCE_SET_1, EV_YAW_RESET
 from viso.logs.recorded import RecordError, finite, places_of, read_columns, records_in, text, whole
 from viso.logs.vehicle_log import ORGN_EKF
@@ -114,7 +114,7 @@ class EkfRun:
         firmware: the release of the filter; None for the one nearest to the release that wrote the log.
 
     Attributes:
-        firmware: the release; None before it is known.
+        judged_by: the release, and how it was found; None before it is known.
         frames: the number of frames that have been run.
         output: the filter's log.
         notes: parameters of the log that have no effect here, a line each.
@@ -132,7 +132,8 @@ class EkfRun:
         self._path = path
         self._until_s = until_s
         self._core = core
-        self.firmware = firmware
+        self._given = firmware
+        self.judged_by: JudgedBy | None = None
         self._defaults: dict[str, float] = {}
         self._player: EkfPlayer | None = None
         self.output = EkfOutput(lambda: self._playing.primary)
@@ -195,8 +196,8 @@ class EkfRun:
         frames = Frames(log, self._until_s * 1e6)
         player = self._player = EkfPlayer(self, frames, self._core)
         self._has_estimates = bool(log.counts.get("XKF4"))
-        self.firmware = self.firmware or recorded_firmware(log) or DEFAULT
-        player.release = self.firmware.ekf
+        self.judged_by = recorded_firmware(log, self._given)
+        player.release = self.judged_by.firmware.ekf
         player.place_declination = declination_of(records_in(log, ["RMGH"]))
         player.place_field = field_of(records_in(log, ["MSG", "XKF2"]), player.place_declination)
         shown = 0
@@ -343,13 +344,11 @@ class EkfRun:
         self.output.write(ORGN, (self._time_us, ORGN_EKF, place.lat, place.lng, place.alt_cm))
 
 
-def recorded_firmware(log: LogColumns) -> Firmware | None:
-    """Return the profile nearest to the release that wrote a log; None if the log does not name it."""
+def recorded_firmware(log: LogColumns, given: Firmware | None = None) -> JudgedBy:
+    """Return the release to judge a log by; ``given`` is the one that the user asks for."""
     messages = (text(record, "Message") for record in records_in(log, ["MSG"]))
     flown = next((version for message in messages if (version := version_in(message)) is not None), None)
-    if flown is None:
-        return None
-    return profile_for(flown, {text(record, "Name") for record in records_in(log, ["PARM"])})
+    return profile_for(flown, {text(record, "Name") for record in records_in(log, ["PARM"])}, given)
 
 
 def _ours(report: CoreReport) -> dict[str, float]:

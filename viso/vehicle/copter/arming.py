@@ -11,7 +11,7 @@ from ap_core.clock import Clock
 from ap_core.param import ParamGroup
 from ap_core.sinks import TextSink
 from viso.logs.vehicle_log import VehicleLog
-from viso.parameters.releases import JULY_2025, ParameterRelease
+from viso.parameters.releases import STABLE_4_7, ParameterRelease
 
 PREARM_DISPLAY_PERIOD_MS: Final = 30_000
 PREARM_CHANGE_DISPLAY_MS: Final = 4000
@@ -78,7 +78,7 @@ class Arming:
         texts: TextSink,
         log: VehicleLog,
         clock: Clock,
-        release: ParameterRelease = JULY_2025,
+        release: ParameterRelease = STABLE_4_7,
     ) -> None:
         self._release = release
         self._checks = checks

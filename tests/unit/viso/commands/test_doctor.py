@@ -176,10 +176,7 @@ def test_server_that_refuses_is_one_line(viso: Viso) -> None:
         (("x.tlog", "--lead", "-1"), "--lead -1: not a time in seconds"),
         (("x.tlog", "--seconds", "0"), "--seconds 0: not between 0 and a day"),
         (("x.tlog", "--heading", "nan"), "--heading nan: not an angle in degrees"),
-        (
-            ("x.tlog", "--firmware", "4.5"),
-            f"--firmware 4.5: no such profile; there are {', '.join(PROFILES)}",
-        ),
+        (("x.tlog", "--firmware", "4.5"), f"--firmware 4.5: no such profile; there are {', '.join(PROFILES)}"),
         (("x.tlog", "--param", "VISO"), "--param 'VISO': not NAME=VALUE with a finite number"),
     ],
 )

@@ -19,6 +19,7 @@ from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from viso.commands import ekf as ekf_command
 from viso.compare import tolerances
 from viso.compare.tolerances import FLIGHT, TOLERANCES, Tolerance
+from viso.firmware.flown import JudgedBy
 from viso.firmware.releases import JULY_2025, Firmware
 from viso.replay.ekf.run import EkfRun
 
@@ -57,7 +58,7 @@ def known(ran: EkfRun, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     known.imus, known.our_lanes, known.recorded_lanes, known.notes = {0: 0, 1: 2}, lanes, lanes, ()
 
     def make(_log: Path, until_s: float, core: int | None, firmware: Firmware | None) -> SimpleNamespace:
-        known.core, known.firmware = core, firmware or JULY_2025
+        known.core, known.judged_by = core, JudgedBy(firmware or JULY_2025, "the banner says so")
         return known
 
     monkeypatch.setattr(ekf_command, "EkfRun", make)
@@ -107,6 +108,7 @@ def test_bench_is_judged_by_its_events(viso: Viso, tmp_path: Path) -> None:
 def test_comparison_for_machines(viso: Viso) -> None:
     outcome = json.loads(viso(LOG, "--json").out)
     assert (outcome["log"], outcome["passed"]) == (str(LOG), True)
+    assert (outcome["firmware"], outcome["firmware_reason"]) == ("2025-07", "the banner says so")
     first, second = outcome["cores"]
     assert (first["core"], first["imu"], second["core"], second["imu"]) == (0, 0, 1, 2)
     assert first["aiding_s"] == [5.08963, 5.08963]

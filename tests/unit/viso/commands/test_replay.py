@@ -143,7 +143,10 @@ def test_telemetry_log_is_replayed_with_the_parameters_and_as_the_release_in_it(
     recorded(tmp_path, beats(banner="ArduCopter V4.5.7"), listed(READY, MAVPROXY), said)
     outcome = viso("replay", "made.tlog", "--lead", "3", "--json")
     assert outcomes(json.loads(outcome.out)["verdicts"])["ODOMETRY", "accepted"] == 3
-    assert "note: the recording is of ArduCopter V4.5.7, and judged as ArduCopter V4.6.3" in outcome.err
+    assert json.loads(outcome.out)["firmware_reason"] == (
+        "the banner says ArduCopter V4.5.7, and 4.6 is the nearest that is known here"
+    )
+    assert "note: ArduCopter V4.5.7 is older than 4.6: before 4.6 there is no VISO_QUAL_MIN" in outcome.err
 
 
 def test_profile_of_the_firmware_may_be_named(viso: Viso) -> None:
@@ -152,8 +155,7 @@ def test_profile_of_the_firmware_may_be_named(viso: Viso) -> None:
 
 def test_serve_refuses_unknown_firmware_before_it_touches_anything(viso: Viso) -> None:
     assert failed_with(
-        viso("serve", "--firmware", "3.2"),
-        f"--firmware 3.2: no such profile; there are {', '.join(PROFILES)}",
+        viso("serve", "--firmware", "3.2"), f"--firmware 3.2: no such profile; there are {', '.join(PROFILES)}"
     )
     assert not Path("logs").exists()
 

@@ -67,7 +67,8 @@ def test_log_without_vision_is_no_failure(viso: Viso, log: Path, tmp_path: Path)
 def test_defaults_are_those_of_the_release_that_flew(viso: Viso, tmp_path: Path) -> None:
     outcome = viso("report", logged(tmp_path, SOURCES, "ArduSub V4.5.6"), "--csv", "a.csv")
     assert outcome.code == 0
-    assert "judged as ArduCopter V4.6.3 (--firmware 4.6)" in outcome.err
+    assert "judged as 4.6: the banner says ArduSub V4.5.6, and 4.6 is the nearest that is known here" in outcome.out
+    assert "ArduSub V4.5.6 is older than 4.6: before 4.6 there is no VISO_QUAL_MIN" in outcome.err
     assert "the vehicle is a Sub" in outcome.err
 
 

@@ -21,6 +21,7 @@ from viso.doctor.evidence.set_up import SetUp
 from viso.doctor.evidence.stream_data import stream_data
 from viso.doctor.evidence.trial import Trial
 from viso.doctor.evidence.vehicle_data import AttitudeSeries, VehicleData
+from viso.firmware.flown import JudgedBy
 from viso.firmware.releases import JULY_2025
 from viso.streams.stream_kinds import Stream
 from viso.vehicle.outcomes import AidingSpan
@@ -85,7 +86,7 @@ def _evidence(
     made = Evidence(
         stream=sent,
         vehicle=VehicleData(attitude=attitude),
-        set_up=SetUp(JULY_2025, is_complete=True),
+        set_up=SetUp(JudgedBy(JULY_2025, "it is the reference"), is_complete=True),
         trial=Trial(all_params, aiding=aiding),
         comparisons=compare(sent.poses, sent.vision, attitude, all_params),
     )

@@ -29,7 +29,7 @@ from tests.unit.viso.doctor.vehicles import (
     transferred,
 )
 from viso.doctor import CHECKS, Finding, Severity, diagnose, gather
-from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, STABLE_4_6
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, STABLE_4_6, STABLE_4_7
 from viso.streams.heard import params_heard, version_heard
 from viso.streams.stream import Stream
 from viso.streams.stream_kinds import read_whole_stream
@@ -142,10 +142,11 @@ def test_session_that_is_used_again_holds_another_file(tmp_path: Path) -> None:
         ("ArduCopter V4.7.0-dev (2b361bde)", ("ARMING_SKIPCHK",), JULY_2025),
         ("ArduCopter V4.7.0-dev (11223344)", (), JULY_2025),
         ("ArduCopter V4.7.0-dev (2f511151)", (), FEBRUARY_2026),
-        ("ArduCopter V4.7.0-beta2 (11223344)", ("ARMING_SKIPCHK",), FEBRUARY_2026),
+        ("ArduCopter V4.7.0-beta2 (11223344)", ("ARMING_SKIPCHK",), STABLE_4_7),
         ("ArduCopter V4.8.0-dev (11223344)", (), APRIL_2026),
         ("ArduCopter V4.9.0 (11223344)", (), APRIL_2026),
-        ("EKF3 IMU0 initialised", (), JULY_2025),
+        # By SYSID_THISMAV, which all of these have.
+        ("EKF3 IMU0 initialised", (), STABLE_4_6),
     ],
 )
 def test_release_that_flew_chooses_the_profile(
@@ -169,7 +170,7 @@ def test_profile_that_is_given_wins(tmp_path: Path) -> None:
         (BANNER, []),
         ("ArduCopter V4.5.7 (2a3dc4b7)", ["before 4.6 there is no VISO_QUAL_MIN"]),
         ("ArduCopter V4.0.7", ["before 4.1 there are no EK3_SRC1_*"]),
-        ("ArduCopter V4.8.0-dev", []),
+        ("ArduCopter V4.8.0-dev", ["is no release that is known here"]),
         ("ArduCopter V4.9.0", ["what changed since is not known here"]),
         ("ArduSub V4.6.0", ["the vehicle is a Sub"]),
         ("ArduPlane V4.5.1", ["before 4.6", "the vehicle is a Plane"]),

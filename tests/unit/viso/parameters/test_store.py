@@ -264,11 +264,11 @@ class TestRestore:
     def test_what_mavlink_sets_is_there_after_a_restart(self, path: Path, params: ParamTable) -> None:
         store = ParamStore(path)
         store.restore(params)
-        params.set_from_mavlink("ARMING_CHECK", 2**31)
+        params.set_from_mavlink("ARMING_SKIPCHK", 2**31)
         store.save_if_changed(params.stored_values())
         again = ParamTable(make_groups(1))
         ParamStore(path).restore(again)
-        assert again.get_int("ARMING_CHECK") == 2**31 - 1
+        assert again.get_int("ARMING_SKIPCHK") == 2**31 - 1
         assert again.stored_values() == params.stored_values()
 
     def test_unknown_names_are_reported_and_kept(

@@ -14,7 +14,7 @@ from pymavlink.DFReader import DFReader_binary
 from ap_core.param import Param, ParamGroup, ParamInfo, ParamTable, ParamType
 from ap_visualodom.ap_visualodom import make_params
 from tests.places import RECORDED
-from viso.parameters.releases import MAX_LINKS, STREAM_NAMES
+from viso.parameters.releases import JULY_2025, MAX_LINKS, STREAM_NAMES
 from viso.parameters.store import MemoryParamStore, ParamStore, StoredParams
 from viso.parameters.table import make_groups
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -57,7 +57,7 @@ TYPES_AND_DEFAULTS = [
     ("LOG_BITMASK", ParamType.INT32, 180222),
     ("LOG_DISARMED", ParamType.INT8, 1),
     ("LOG_FILE_MB_FREE", ParamType.INT16, 500),
-    ("ARMING_CHECK", ParamType.INT32, 1),
+    ("ARMING_SKIPCHK", ParamType.INT32, 0),
     ("AHRS_EKF_TYPE", ParamType.INT8, 3),
     ("AHRS_TRIM_Z", ParamType.FLOAT, 0),
     ("BRD_RTC_TYPES", ParamType.INT8, 1),
@@ -123,7 +123,7 @@ def test_types_and_defaults(table: ParamTable) -> None:
 
 def test_groups_are_in_the_order_of_a_copter(table: ParamTable) -> None:
     names = [param.name for param in table]
-    landmarks = ["LOG_BITMASK", "ARMING_CHECK", "COMPASS_USE", "AHRS_TRIM_X", "GPS1_TYPE", "EK3_ENABLE", "FLOW_TYPE"]
+    landmarks = ["LOG_BITMASK", "ARMING_SKIPCHK", "COMPASS_USE", "AHRS_TRIM_X", "GPS1_TYPE", "EK3_ENABLE", "FLOW_TYPE"]
     landmarks += ["FRAME_CLASS", "LOG_BACKEND_TYPE", "SERIAL0_BAUD", "MAV_SYSID", "MAV1_RAW_SENS", "MAV2_OPTIONS"]
     assert sorted(landmarks, key=names.index) == landmarks
 
@@ -201,7 +201,7 @@ def recorded_defaults(tmp_path_factory: pytest.TempPathFactory) -> dict[str, flo
 @pytest.fixture
 def recorded_table() -> ParamTable:
     """Return the parameters of a vehicle with a camera and as many links as the recorded one had."""
-    table = ParamTable(make_groups(LINKS_OF_THE_LOG, make_params()))
+    table = ParamTable(make_groups(LINKS_OF_THE_LOG, make_params(), JULY_2025))
     table.set("VISO_TYPE", 2)
     return table
 

@@ -195,7 +195,7 @@ def test_parameters_come_as_one_packed_file(rig: Rig) -> None:
 def test_opening_the_parameters_introduces_the_vehicle(rig: Rig) -> None:
     _ask(rig, OPEN_RO, b"@PARAM/param.pck")
     rig.run(0.1)
-    assert any("ArduCopter V4.7.0-dev" in text.text for text in rig.ground.got(STATUSTEXT))
+    assert any(rig.vehicle.firmware.version_text in text.text for text in rig.ground.got(STATUSTEXT))
 
 
 @pytest.mark.parametrize("path", [b"/etc/passwd", b"logs/../storage.parm", b"storage.parm", b"../storage.parm"])

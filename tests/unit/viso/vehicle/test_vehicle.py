@@ -16,6 +16,8 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.inputs.measurements import GpsSample
 from mav_handlers.wire.messages import ATTITUDE, COMMAND_LONG, HEARTBEAT, SET_GPS_GLOBAL_ORIGIN, SYSTEM_TIME, TIMESYNC
+from viso.firmware.releases import JULY_2025, OFFICIAL
+from viso.parameters.releases import CHECKS_TO_SKIP
 from viso.vehicle.rtc import OLDEST_VALID_UTC_US
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 from viso.vehicle.vehicle import bench as bench_ahrs
@@ -103,9 +105,9 @@ def test_boot_does_not_wait_for_a_client() -> None:
 
 def test_it_is_what_it_claims_to_be(make_bench: MakeBench) -> None:
     vehicle = make_bench(boot=False).vehicle
-    assert vehicle.firmware.sw_version == 4 << 24 | 7 << 16
+    assert vehicle.firmware.sw_version == 4 << 24 | 7 << 16 | 1 << 8 | OFFICIAL
     system = "00017669736f" + 20 * "0"
-    assert vehicle.banner() == ("ArduCopter V4.7.0-dev (2b361bde)", system, "Frame: QUAD/PLUS")
+    assert vehicle.banner() == ("ArduCopter V4.7.1 (0932dd82)", system, "Frame: QUAD/PLUS")
     assert vehicle.copter.custom_mode() == 0
 
 
@@ -200,14 +202,14 @@ def test_arming_and_disarming_are_logged(make_bench: MakeBench) -> None:
     bench.command(400, 0, 21196)
     assert [record["Id"] for record in bench.written("EV") if record["Id"] in (10, 11)] == [10, 11]
     assert bench.written("ARM") == [
-        {"ArmState": 1, "ArmChecks": 1, "Forced": 0, "Method": 1},
+        {"ArmState": 1, "ArmChecks": CHECKS_TO_SKIP, "Forced": 0, "Method": 1},
         {"ArmState": 0, "ArmChecks": 0, "Forced": 1, "Method": 1},
     ]
 
 
 @pytest.mark.slow
 def test_arming_with_all_bits_of_arming_check_is_logged(make_bench: MakeBench, tmp_path: Path) -> None:
-    bench = make_bench(ARMING_CHECK=-1)
+    bench = make_bench(firmware=JULY_2025, ARMING_CHECK=-1)
     bench.command(400, 1)
     (row,) = (record for record in bench.log_records(tmp_path) if record["name"] == "ARM")
     assert row["ArmChecks"] == 0xFFFFFFFF
@@ -406,7 +408,7 @@ def test_counters_of_active_links_are_logged(make_bench: MakeBench) -> None:
 def test_texts_are_logged_up_to_50_characters(make_bench: MakeBench) -> None:
     bench = make_bench()
     bench.vehicle.texts.send_text(6, "x" * 60)
-    assert bench.written("MSG")[-1] == {"Message": "x" * 50}
+    assert bench.written("MSG")[-1]["Message"] == "x" * 50
 
 
 def test_commands_are_logged(make_bench: MakeBench) -> None:

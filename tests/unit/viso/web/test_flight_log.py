@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from tests.unit.viso.report.log_maker import LogMaker, flight, material_of
-from viso.firmware.releases import JULY_2025
 from viso.report.facts import facts_of
 from viso.report.summary import summarise
 from viso.web.flight_log import log_recording
@@ -21,7 +20,7 @@ def page_of(maker: LogMaker, folder: Path) -> dict[str, Any]:
     """Return what a page is told of a log."""
     material = material_of(maker, folder / "flight.BIN")
     facts = facts_of(material)
-    told = json.loads(encode(log_recording(material, facts, summarise(material, facts), JULY_2025)))
+    told = json.loads(encode(log_recording(material, facts, summarise(material, facts))))
     assert isinstance(told, dict)
     return told
 

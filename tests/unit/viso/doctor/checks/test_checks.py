@@ -31,7 +31,7 @@ from viso.doctor import CHECKS, Check, Finding, Severity, checks
 from viso.doctor.checks import FAMILIES
 from viso.doctor.evidence.set_up import Assumed
 from viso.doctor.evidence.vehicle_data import AttitudeSeries, HeightSeries, ParamChange, VehicleData
-from viso.firmware.flown import version_in
+from viso.firmware.flown import JudgedBy, profile_for, version_in
 from viso.firmware.releases import PROFILES
 from viso.geometry.rotation import quats_from_euler
 from viso.streams.stream_kinds import Aspect
@@ -372,7 +372,7 @@ def test_alignment_that_is_refused_or_comes_too_late_is_told() -> None:
 @pytest.mark.parametrize(("firmware", "is_found"), [("4.6", False), ("2025-07", False), ("2026-02", True)])
 def test_switch_of_sources_jumps_in_the_release_that_aligns_no_position(firmware: str, is_found: bool) -> None:
     params = {"VISO_TYPE": 2, "EK3_SRC1_POSXY": 3, "EK3_SRC2_POSXY": 6}
-    found = findings_of(evidence_of(stream_of(still()), params, firmware=PROFILES[firmware]))
+    found = findings_of(evidence_of(stream_of(still()), params, judged_by=JudgedBy(PROFILES[firmware], "")))
     assert ("XN8-07" in found) == is_found
 
 
@@ -404,9 +404,9 @@ def test_messages_of_two_ids_that_share_sequence_numbers_are_not_lost() -> None:
 
 
 def test_before_4_1_ekf2_is_the_one_that_takes_external_navigation() -> None:
-    old = version_in("ArduCopter V4.0.7")
+    old = profile_for(version_in("ArduCopter V4.0.7"), ())
     messages = stream_of(still())
-    assert "XN7-12" not in findings_of(evidence_of(messages, known={"AHRS_EKF_TYPE": 2.0}, flown=old))
-    found = findings_of(evidence_of(messages, known={"AHRS_EKF_TYPE": 3.0}, flown=old))["XN7-12"]
+    assert "XN7-12" not in findings_of(evidence_of(messages, known={"AHRS_EKF_TYPE": 2.0}, judged_by=old))
+    found = findings_of(evidence_of(messages, known={"AHRS_EKF_TYPE": 3.0}, judged_by=old))["XN7-12"]
     assert "before 4.1 no other estimator than EKF2" in found.evidence
     assert "AHRS_EKF_TYPE 2" in found.fix

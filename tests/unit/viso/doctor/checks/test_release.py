@@ -12,6 +12,7 @@ from mav_handlers.wire.messages import ATT_POS_MOCAP, Message
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import evidence_of, findings_of, pose, stream_of
 from viso.doctor import Finding
+from viso.firmware.flown import JudgedBy
 from viso.firmware.releases import PROFILES
 
 DIAGONAL = (0, 6, 11, 15, 18, 20)
@@ -28,7 +29,7 @@ def covariance(position: float, attitude: float = 0.0) -> tuple[float, ...]:
 
 
 def found(messages: list[Message], firmware: str, **params: float) -> Mapping[str, Finding]:
-    return findings_of(evidence_of(stream_of(messages), params, firmware=PROFILES[firmware]))
+    return findings_of(evidence_of(stream_of(messages), params, judged_by=JudgedBy(PROFILES[firmware], "")))
 
 
 def poses(count: int = 10, **fields: Any) -> list[Message]:

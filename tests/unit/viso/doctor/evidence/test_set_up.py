@@ -6,8 +6,7 @@ import pytest
 
 from viso.doctor.evidence.set_up import SetUp, choose_set_up
 from viso.doctor.evidence.vehicle_data import VehicleData
-from viso.firmware.flown import version_in
-from viso.firmware.releases import STABLE_4_6
+from viso.firmware.flown import profile_for, version_in
 from viso.streams.stream import Stream
 
 POSES = {"VISION_POSITION_ESTIMATE"}
@@ -15,7 +14,7 @@ POSES = {"VISION_POSITION_ESTIMATE"}
 
 def set_up(banner: str, recorded: dict[str, float], given: dict[str, float] | None = None) -> SetUp:
     stream = Stream("made", (), recorded)
-    return choose_set_up(stream, VehicleData(), given or {}, POSES, STABLE_4_6, version_in(banner))
+    return choose_set_up(stream, VehicleData(), given or {}, POSES, profile_for(version_in(banner), ()))
 
 
 def test_before_4_1_positions_go_to_the_filter_that_there_is() -> None:

@@ -9,6 +9,7 @@ import pytest
 from ap_core.clock import VirtualClock
 from ap_core.param import ParamTable
 from viso.logs.vehicle_log import VehicleLog
+from viso.parameters.releases import JULY_2025
 from viso.parameters.table import make_groups
 from viso.vehicle.copter.arming import ANY_CHECK, Arming, ArmMethod, Check, CheckLists
 
@@ -33,7 +34,7 @@ class Rig:
 
     def __init__(self) -> None:
         self.clock = VirtualClock()
-        self.params = ParamTable(make_groups(0))
+        self.params = ParamTable(make_groups(0, None, JULY_2025))
         self.failing: dict[str, str] = {}
         self.made: list[str] = []
         self.texts: list[tuple[int, str]] = []
@@ -45,7 +46,9 @@ class Rig:
             mandatory=[self._check(0, "position"), self._check(0, "height")],
             arm=[self._check(0, "mode"), self._check(ANY_CHECK, "switch")],
         )
-        self.arming = Arming(checks, self.params.group("ARMING_"), self, cast(VehicleLog, self.log), self.clock)
+        self.arming = Arming(
+            checks, self.params.group("ARMING_"), self, cast(VehicleLog, self.log), self.clock, JULY_2025
+        )
 
     def _check(self, bit: int, name: str) -> Check:
         def run() -> str | None:

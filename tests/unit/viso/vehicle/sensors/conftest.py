@@ -23,7 +23,6 @@ from ekf_stub.inputs.sensors import Sensors, SensorSource
 from ekf_stub.log.reporting import report_of
 from ekf_stub.release import JULY_2025
 from ekf_stub.reports import CoreReport, words_of
-from viso.parameters.ekf3 import FLOW_LIMIT_LATER
 from viso.parameters.table import make_groups
 from viso.vehicle.sensors.stream.follow import FollowSource
 
@@ -59,8 +58,7 @@ class FilterLoop:
         for name in ("POSXY", "VELXY", "POSZ", "VELZ", "YAW"):
             table.set(f"EK3_SRC1_{name}", params.get(f"EK3_SRC1_{name}", EXT_NAV))
         core_params = Params()
-        renamed = {FLOW_LIMIT_LATER: JULY_2025.flow_limit}
-        core_params.read(lambda name: table.get_number(f"EK3_{renamed.get(name, name)}"))
+        core_params.read(lambda name: table.get_number(f"EK3_{name}"))
         imus = Imus()
         imus.imus[0].has_data = True
         self._source = source
