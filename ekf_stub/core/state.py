@@ -48,7 +48,8 @@ _MAX_HEIGHT: Final = 4e4
 _MAX_DEPTH: Final = 1e4
 _MAX_EARTH_FIELD: Final = 1.0
 _MAX_BODY_FIELD: Final = 0.5
-_MAX_GYRO_BIAS: Final = 0.175
+_MAX_GYRO_BIAS: Final = 0.5
+_MAX_GYRO_BIAS_SIGMA: Final = 0.175
 _MAX_ACCEL_BIAS_SIGMA: Final = 10.0
 _MAX_ATT_VAR: Final = 1.0
 _MAX_VEL_VAR: Final = 1e3
@@ -123,7 +124,6 @@ class State:
         self._forgets_frozen = forgets_frozen
         self._aided = False
         self._frozen: Vec3 = (-1.0, -1.0, -1.0)  # variances of biases that are not learned, negative for those that are
-        self._accel_bias_limit = 0.0  # m/s/s
         self._max_gyro_bias = 0.0
         self._max_accel_bias = 0.0
         self._dt_ekf_avg = 0.0
@@ -140,19 +140,18 @@ class State:
 
     def _set_dt(self, dt_ekf_avg: float) -> None:
         """Set the average length of a step in s, for which biases are kept."""
+        self._max_accel_bias = larger(self._params.ACC_BIAS_LIM, 0.0) * dt_ekf_avg
         if dt_ekf_avg == self._dt_ekf_avg:
             return
         self._dt_ekf_avg = dt_ekf_avg
-        gyro, accel = _MAX_GYRO_BIAS * dt_ekf_avg, self._accel_bias_limit * dt_ekf_avg
-        self._max_gyro_bias, self._max_accel_bias = gyro, accel
-        self.cov.set_limits(GYRO, ACCEL, 0.0, gyro * gyro)
+        self._max_gyro_bias = _MAX_GYRO_BIAS * dt_ekf_avg
+        self.cov.set_limits(GYRO, ACCEL, 0.0, square(_MAX_GYRO_BIAS_SIGMA * dt_ekf_avg))
         self.cov.set_limits(ACCEL, EARTH, 0.0, square(_MAX_ACCEL_BIAS_SIGMA * dt_ekf_avg))
 
     def learn_biases(self, dt_ekf_avg: float) -> None:
         """Begin to estimate the biases, as tilt has been aligned (setWindMagStateLearningMode)."""
         self.learns_biases = True
         limit = self._params.ACC_BIAS_LIM
-        self._accel_bias_limit, self._dt_ekf_avg = limited(limit, 0.0, _MAX_ACCEL_BIAS_SIGMA), 0.0
         self._set_dt(dt_ekf_avg)
         self.clear(GYRO, ACCEL, square(_INITIAL_GYRO_BIAS * dt_ekf_avg))
         self.clear(ACCEL, EARTH, square(_ACCEL_BIAS_LIM_SCALER * limit * dt_ekf_avg))

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from ekf_stub.core.covariance import ACCEL, BODY, EARTH, GYRO, POS, STATES, VEL, Covariance
 from ekf_stub.core.vectors import matrix, quat_of_euler
+from tests.unit.ekf_stub.filter_rig import navigating
 
 Array = npt.NDArray[np.float64]
 
@@ -325,3 +326,15 @@ def test_covariance_stays_symmetric_and_positive(seed: int, fused: list[tuple[in
         assert np.array_equal(after, after.T)
         assert (after.diagonal() >= 0).all()
         assert least_eigenvalue(after) > -1e-9  # of a correlation of 1
+
+
+@pytest.mark.parametrize("limit", [1.0, 0.1])
+def test_biases_stay_within_limits_of_which_that_of_accelerometers_is_as_its_parameter_is_now(limit: float) -> None:
+    rig = navigating()
+    rig.set_param("ACC_BIAS_LIM", limit)
+    rig.run(0.05)
+    state, dt = rig.core.state, rig.core.dt_ekf_avg
+    state.set_gyro_bias((9.0, -9.0, 0.0))
+    state.set_accel_bias((9.0, -9.0, 0.0))
+    assert state.gyro_bias == pytest.approx((0.5 * dt, -0.5 * dt, 0.0))
+    assert state.accel_bias == pytest.approx((limit * dt, -limit * dt, 0.0))
