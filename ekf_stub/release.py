@@ -27,6 +27,18 @@ class FilterRelease:
         forgets_frozen: what the bias of an accelerometer's axis that is not learned has to do with that of another is
             forgotten (CovariancePrediction).
         flow_limit: what the parameter is called, after ``EK3_``, that the filter asks for as MAX_FLOW.
+        weighs_as_gps: whatever measures position and velocity has the accuracies of GPS while that gives them, and a
+            velocity of external navigation that comes due with a solution of GPS lends that its error (FuseVelPosNED).
+        scales_all_noise: with few satellites the noise of every position and velocity counts for more, not only of
+            those of GPS (FuseVelPosNED).
+        fuses_any_climb: with a horizontal velocity the vertical one is fused as well once external navigation has
+            given one, or while GPS gives one, whatever its source is (FuseVelPosNED).
+        keeps_compass: a compass that was taken for another one is kept on the ground, too (update_mag_selection,
+            tryChangeCompass).
+        lanes_are_automatic: EK3_OPTIONS has no bit to switch lanes by hand, and it is the core that was left that waits
+            10 s until it may be taken again (NavEKF3::UpdateFilter).
+        aligns_source_in_use: EK3_SRC_OPTIONS aligns external navigation to flow even if it is the source of position
+            (align_inactive_sources).
     """
 
     gsf_asks_load: bool = False
@@ -37,9 +49,22 @@ class FilterRelease:
     learns_field_on_ground: bool = False
     forgets_frozen: bool = False
     flow_limit: str = "MAX_FLOW"
+    weighs_as_gps: bool = False
+    scales_all_noise: bool = False
+    fuses_any_climb: bool = False
+    keeps_compass: bool = False
+    lanes_are_automatic: bool = False
+    aligns_source_in_use: bool = False
 
 
-STABLE_4_6: Final = FilterRelease()
+STABLE_4_6: Final = FilterRelease(
+    weighs_as_gps=True,
+    scales_all_noise=True,
+    fuses_any_climb=True,
+    keeps_compass=True,
+    lanes_are_automatic=True,
+    aligns_source_in_use=True,
+)
 JULY_2025: Final = FilterRelease()
 FEBRUARY_2026: Final = FilterRelease(gsf_asks_load=True, forgets_frozen=True, flow_limit="FLOW_MAX")
 STABLE_4_7: Final = FilterRelease(

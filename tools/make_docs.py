@@ -240,6 +240,30 @@ _EKF_CHANGES: Final = {
     "learns_field_on_ground": ("EK3_MAG_CAL has 7", "read"),
     "forgets_frozen": ("accelerometer biases that are not learned are apart from the others", "read"),
     "gsf_asks_load": ("the GSF's tilt counts accelerometers below 1 g", "read"),
+    "weighs_as_gps": (
+        "what a camera says has the accuracies of a GPS that gives any",
+        "recorded, until 104c7f84bf of 2025-03-03",
+    ),
+    "scales_all_noise": (
+        "with few satellites a camera counts for less, too",
+        "recorded, until d74a457d7e of 2025-04-21",
+    ),
+    "fuses_any_climb": (
+        "vertical velocity is fused whatever EK3_SRCn_VELZ says",
+        "recorded, until 4d99848b44 of 2025-02-03",
+    ),
+    "keeps_compass": (
+        "on the ground a compass that stands in for another is kept",
+        "read, until c242e557bb of 2025-02-14",
+    ),
+    "lanes_are_automatic": (
+        "EK3_OPTIONS cannot leave the choice of cores to the user",
+        "read, until e45a7540af of 2025-03-26",
+    ),
+    "aligns_source_in_use": (
+        "EK3_SRC_OPTIONS aligns a camera to flow even if it is in use",
+        "read, until d2faaab299 of 2025-06-12",
+    ),
 }
 """By attribute of FilterRelease, and whether recordings show it or the source was read."""
 
@@ -277,6 +301,10 @@ def _firmware() -> Iterator[tuple[str, ...]]:
     yield row("field of HIGHRES_IMU", lambda one: f"mGauss times {one.endpoint.highres_field_scale:g}")
     yield row("EKF failsafe", lambda one: " or ".join(f"`{text}`" for text in dict.fromkeys(one.variance_texts)))
     yield row("flow of OPTICAL_FLOW", lambda one: _FLOW[one.reads_flow_rates])
+    yield row(
+        "FS_EKF_ACTION 0",
+        lambda one: "reports" if one.reports_ekf_failure else "lands, until 52363a564e of 2025-05-26",
+    )
     yield row("covariances of an IMU on ROS 2", lambda one: f"begin with {one.dds.unknown_covariance:g}")
     yield row(
         "status on ROS 2 without a change",
@@ -284,6 +312,11 @@ def _firmware() -> Iterator[tuple[str, ...]]:
     )
     for name, (what, proof) in _EKF_CHANGES.items():
         yield what, *(f"yes ({proof})" if getattr(one.ekf, name) else "no" for one in PROFILES.values())
+    yield row("EK3_SRC_OPTIONS by default", lambda one: f"{one.params.source_options}")
+    yield row(
+        "ranges for EKF3 and its log",
+        lambda one: "whole centimetres, until b633084df3 of 2024-10-11" if one.params.range_unit.is_cm else "metres",
+    )
     yield row("system id", lambda one: f"`{one.endpoint.params.system_id}`")
     yield row("ground station's id", lambda one: f"`{one.endpoint.params.ground_station_id}`")
     yield row("last of several such ids", lambda one: f"`{one.endpoint.params.last_ground_station_id or '-'}`")

@@ -27,6 +27,9 @@ _SETTLED_MS: Final = 30_000
 class CompassReader:
     """Reads the compass in use, and goes over to another one when that fails.
 
+    Args:
+        keeps_compass: see ``FilterRelease``.
+
     Attributes:
         compasses: what all compasses say in this pass.
         number: of the one in use.
@@ -39,7 +42,10 @@ class CompassReader:
         forgets_body_field: what is known of the vehicle's field is to be forgotten with the next prediction.
     """
 
-    def __init__(self, state: State, events: Events, inputs: CoreInputs, ring_size: int, now_ms: int) -> None:
+    def __init__(
+        self, state: State, events: Events, inputs: CoreInputs, ring_size: int, now_ms: int, keeps_compass: bool
+    ) -> None:
+        self._keeps_compass = keeps_compass
         self._state = state
         self._events = events
         self._inputs = inputs
@@ -87,7 +93,7 @@ class CompassReader:
             reading = self._reading(own)
             if reading is not None and reading.is_healthy and reading.is_used:
                 self._choose(own)
-        elif not armed and self.number != compasses.first_usable:
+        elif not armed and self.number != compasses.first_usable and not self._keeps_compass:
             self._try(compasses.first_usable, now_ms)
 
     def check_timeout(self, now_ms: int, is_in_use: bool) -> None:
@@ -124,10 +130,15 @@ class CompassReader:
         self.samples.push(MagSample(time_ms, scaled(reading.field, 0.001)))
 
     def _try_others(self, now_ms: int) -> None:
-        """Try each number after that in use, which goes on from where it has got to (tryChangeCompass)."""
-        count = len(self.compasses.readings)
+        """Try each number after that in use, which goes on from where it has got to (tryChangeCompass).
+
+        A release that keeps compasses ends with the first that can be used.
+        """
+        count, before = len(self.compasses.readings), self.number
         for ahead in range(1, count):
             self._try((self.number + ahead) % count, now_ms)
+            if self._keeps_compass and self.number != before:
+                return
 
     def _try(self, number: int, now_ms: int) -> None:
         reading = self._reading(number)

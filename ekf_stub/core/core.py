@@ -238,9 +238,11 @@ class Core:
         self.height = HeightSource(
             params, state, aiding, sources, ext_nav, gps, self._origin_height, terrain, sizes.slow
         )
-        self.vel_pos = VelPosFusion(params, state, aiding, sources, ext_nav, gps, events, self.resets, self.height)
+        self.vel_pos = VelPosFusion(
+            params, state, aiding, sources, ext_nav, gps, events, self.resets, self.height, self._release
+        )
         self.flow = FlowFusion(params, state, aiding, sources, events, self.flow_reading, terrain)
-        compass = CompassReader(state, events, self.inputs, sizes.slow, now_ms)
+        compass = CompassReader(state, events, self.inputs, sizes.slow, now_ms, self._release.keeps_compass)
         by_gps = GpsYaw(params, state, aiding, sources, gps, self._release.gsf_asks_load, self.number)
         self.yaw = YawFusion(
             params,

@@ -61,6 +61,7 @@ class Lanes:
         count: int,
     ) -> None:
         self._params = params
+        self._are_automatic = release.lanes_are_automatic
         self.imus = imus
         self.texts: list[Text] = []
         self.tells_outcomes = False
@@ -159,8 +160,11 @@ class Lanes:
             self._unhealthy_us = self.now_us
         self._selects = self.now_us - self._unhealthy_us > _SETTLED_US
 
+    def _is_manual(self) -> bool:
+        return not self._are_automatic and int(self._params.OPTIONS) & _MANUAL_LANE_SWITCH != 0
+
     def _select(self) -> None:
-        if int(self._params.OPTIONS) & _MANUAL_LANE_SWITCH:
+        if self._is_manual():
             self._switch(self.chosen_by_user())
         elif self._armed and self._selects and len(self.cores) > 1:
             self._select_in_flight()
@@ -187,7 +191,7 @@ class Lanes:
         if is_better or self.error_scores[primary] > _BAD_SCORE or not self._is_healthy(primary):
             self._switch(best)
             self.relative_errors = [0.0] * len(self.cores)
-            self._last_primary_us[self.primary] = self.now_us
+            self._last_primary_us[primary if self._are_automatic else self.primary] = self.now_us
 
     def _update_relative_errors(self) -> None:
         """Count against each core what it was worse than the primary one, and for it what it was much better."""
@@ -218,9 +222,8 @@ class Lanes:
 
     def check_lane_switch(self) -> None:
         """Go over to a core that is much better, as the vehicle is about to give up (checkLaneSwitch)."""
-        is_manual = int(self._params.OPTIONS) & _MANUAL_LANE_SWITCH != 0
         is_soon = self._switched_ms != 0 and self.now_us // 1000 - self._switched_ms < _BETWEEN_CHECKS_MS
-        if is_manual or is_soon or not self.primary_filter.initialised:
+        if self._is_manual() or is_soon or not self.primary_filter.initialised:
             return
         best, lowest = self.primary, self.primary_filter.error_score()
         for i, core in enumerate(self.cores):

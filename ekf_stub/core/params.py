@@ -207,6 +207,17 @@ class EkfSources:
                 return True
         return False
 
+    def has_vel_z(self) -> bool:
+        """Return whether there is any source of vertical velocity (haveVelZSource)."""
+        if self.active().vel_z != NONE:
+            return True
+        if not self._fuses_all_velocities():
+            return False
+        for one in self._sets:
+            if one.vel_z != NONE:
+                return True
+        return False
+
     def ext_nav_enabled(self) -> bool:
         """Return whether any set names external navigation for anything."""
         for one in self.sets():
@@ -218,16 +229,16 @@ class EkfSources:
         """Return whether the active set takes anything from GPS; its yaw alone does not count (usingGPS)."""
         return self.active().names(GPS) or self.active().yaw == GSF
 
-    def position_alignment(self) -> tuple[bool, bool]:
+    def position_alignment(self, aligns_source_in_use: bool = False) -> tuple[bool, bool]:
         """Return whether external navigation is to be aligned in x and y, and in z, as it is not in use.
 
-        All cores use the active set.
+        All cores use the active set. For ``aligns_source_in_use`` see ``FilterRelease``.
         Source: NavEKF3::align_inactive_sources.
         """
         active = self.active()
         by_flow = active.vel_xy == OPTFLOW and self._options & _ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
         beacon = 4
-        xy_allowed = active.pos_xy in (GPS, beacon) or (by_flow and active.pos_xy != EXTNAV)
+        xy_allowed = active.pos_xy in (GPS, beacon) or (by_flow and (aligns_source_in_use or active.pos_xy != EXTNAV))
         z_allowed = active.pos_z in (BARO, RANGEFINDER, GPS, beacon)
         xy_has, z_has = False, False
         for one in self._sets:

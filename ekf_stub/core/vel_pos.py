@@ -14,9 +14,10 @@ from ekf_stub.core.gps import Gps, GpsFix
 from ekf_stub.core.height import FRESH_MS, HeightSource
 from ekf_stub.core.params import BARO, EXTNAV, GPS, NONE, EkfSources, Params, gate
 from ekf_stub.core.resets import Resets
-from ekf_stub.core.samples import VelocitySample
+from ekf_stub.core.samples import PoseSample, VelocitySample
 from ekf_stub.core.state import State
 from ekf_stub.core.vectors import ZERO, Vec3, length2, limited, since_ms, smaller, square
+from ekf_stub.release import FilterRelease
 
 _DISARMED_NOISE: Final = 0.5
 _BAD_IMU_HOLD_MS: Final = 10_000
@@ -45,6 +46,7 @@ class Observed:
         has_pos, has_vel: whether a horizontal position and a velocity are.
         north, east, pos_var: the position, m and m^2.
         vel, vel_axes: the velocity, m/s, NED, of which so many axes are measured.
+        tested_axes: on how many axes it is tested.
         is_rest: the velocity is that of a vehicle at rest.
         vel_ne_var, vel_d_var: variances of the velocity, (m/s)^2.
         vel_gate_var: what counts for its gate, (m/s)^2.
@@ -58,10 +60,15 @@ class Observed:
         self.has_vel = False
         self.vel: Vec3 = ZERO
         self.vel_axes = 2
+        self.tested_axes = 2
         self.is_rest = False
         self.vel_ne_var = 0.0
         self.vel_d_var = 0.0
         self.vel_gate_var = 0.0
+
+    def measure_axes(self, axes: int) -> None:
+        """Note how many axes of the velocity are measured, all of which are tested."""
+        self.vel_axes = self.tested_axes = axes
 
 
 @final
@@ -88,7 +95,11 @@ class VelPosFusion:
         events: Events,
         resets: Resets,
         height: HeightSource,
+        release: FilterRelease,
     ) -> None:
+        self._weighs_as_gps = release.weighs_as_gps
+        self._scales_all_noise = release.scales_all_noise
+        self._fuses_any_climb = release.fuses_any_climb
         self._params = params
         self._state = state
         self._aiding = aiding
@@ -128,7 +139,7 @@ class VelPosFusion:
         if rests and height.is_new:
             self._observe_rest(now_ms, vehicle, observed, by_ext_nav)
         fix = self._gps.delayed
-        if by_gps and fix is not None and not observed.is_rest:
+        if fix is not None and not observed.is_rest and (by_gps or self._fuses_any_climb):
             self._check_imu(now_ms, observed, fix)
         self._fuse(now_ms, vehicle, observed)
         self._tell_unused(not by_ext_nav, not observed.has_vel or observed.is_rest)
@@ -149,6 +160,8 @@ class VelPosFusion:
         observed = Observed()
         if self._aiding.mode == NO_AIDING:
             self._observe_standstill(vehicle, observed)
+            if self._fuses_any_climb:
+                self._observe_any_climb(observed)
             return observed
         pose, fix = self._ext_nav.pose, self._gps.delayed
         if by_ext_nav and pose is not None:
@@ -160,7 +173,38 @@ class VelPosFusion:
         velocity = self._used_velocity()
         if velocity is not None:
             self._observe_velocity(observed, velocity)
+        if self._fuses_any_climb:
+            self._observe_any_climb(observed)
+        if self._weighs_as_gps:
+            self._weigh_as_gps(observed, pose if by_ext_nav else None)
         return observed
+
+    def _observe_any_climb(self, observed: Observed) -> None:
+        """Measure the vertical velocity whatever its source is, and test it by other rules than those for fusion."""
+        fix, by_ext_nav = self._gps.delayed, self._ext_nav.have_velocity
+        by_gps = fix is not None and fix.has_vertical_velocity and self._sources.has_vel_z()
+        observed.vel_axes = 3 if by_ext_nav or self._gps.tells_climb else 2
+        observed.tested_axes = 3 if by_ext_nav or (by_gps and self._aiding.mode == ABSOLUTE) else 2
+
+    def _weigh_as_gps(self, observed: Observed, pose: PoseSample | None) -> None:
+        """Replace variances by those of GPS while that tells them, else by those of what external navigation gave."""
+        gps, params, ext_nav = self._gps, self._params, self._ext_nav
+        by_accel = square(_NOISE_OF_ACCELERATION * self._state.acceleration())
+        velocity = ext_nav.velocity if ext_nav.has_velocity else None
+        vel_ne_var = square(limited(params.VELNE_M_NSE, _VEL_MIN_NOISE, _VEL_MAX_GATE_NOISE)) + by_accel
+        observed.vel_gate_var = vel_ne_var
+        vel_d_var = square(limited(params.VELD_M_NSE, _VEL_MIN_NOISE, _VEL_MAX_GATE_NOISE)) + by_accel
+        if velocity is not None:
+            vel_ne_var = vel_d_var = square(limited(velocity.err, _VEL_MIN_NOISE, _VEL_MAX_GATE_NOISE))
+            observed.vel_gate_var = vel_ne_var + by_accel
+        if gps.speed_accuracy > 0:
+            vel_ne_var = square(limited(gps.speed_accuracy, params.VELNE_M_NSE, _VEL_MAX_NOISE))
+            vel_d_var = square(limited(gps.speed_accuracy, params.VELD_M_NSE, _VEL_MAX_NOISE))
+        observed.vel_ne_var, observed.vel_d_var = vel_ne_var, vel_d_var
+        if gps.pos_accuracy > 0:
+            observed.pos_var = square(limited(gps.pos_accuracy, params.POSNE_M_NSE, _POS_NE_MAX_NOISE))
+        elif pose is not None:
+            observed.pos_var = square(limited(pose.err, _POS_NE_MIN_NOISE, _POS_NE_MAX_NOISE_AT_REST))
 
     def _used_velocity(self) -> VelocitySample | None:
         is_used = self._ext_nav.has_velocity and self._sources.uses_vel_xy(EXTNAV)
@@ -185,7 +229,7 @@ class VelPosFusion:
         accel = self._state.acceleration()
         observed.has_vel = True
         observed.vel = velocity.vel
-        observed.vel_axes = 3 if self._sources.uses_vel_z(EXTNAV) else 2
+        observed.measure_axes(3 if self._sources.uses_vel_z(EXTNAV) else 2)
         observed.vel_ne_var = square(limited(velocity.err, _VEL_MIN_NOISE, _VEL_MAX_NOISE))
         observed.vel_d_var = observed.vel_ne_var
         observed.vel_gate_var = square(limited(velocity.err, _VEL_MIN_NOISE, _VEL_MAX_GATE_NOISE)) + square(
@@ -203,7 +247,7 @@ class VelPosFusion:
             return
         observed.has_vel = True
         observed.vel = fix.vel
-        observed.vel_axes = 3 if fix.has_vertical_velocity and self._sources.uses_vel_z(GPS) else 2
+        observed.measure_axes(3 if fix.has_vertical_velocity and self._sources.uses_vel_z(GPS) else 2)
         observed.vel_gate_var = square(limited(params.VELNE_M_NSE, 0.05, 5.0)) + by_accel
         if gps.speed_accuracy > 0:
             observed.vel_ne_var = square(limited(gps.speed_accuracy, params.VELNE_M_NSE, 50.0))
@@ -229,6 +273,7 @@ class VelPosFusion:
         observed.has_vel = True
         observed.vel = ZERO
         observed.vel_axes = 3
+        observed.tested_axes = self._tested_at_rest()
         observed.vel_ne_var = variance
         observed.vel_d_var = variance
         observed.vel_gate_var = variance
@@ -250,7 +295,8 @@ class VelPosFusion:
 
     def _check_imu(self, now_ms: int, observed: Observed, fix: GpsFix) -> None:
         """Find out whether the accelerometers are bad: height and vertical velocity are off alike (FuseVelPosNED)."""
-        if observed.vel_axes < 3 or not observed.has_vel or self._sources.pos_z() == GPS:
+        has_climb = fix.has_vertical_velocity if self._fuses_any_climb else observed.vel_axes == 3
+        if not has_climb or not observed.has_vel or self._sources.pos_z() == GPS:
             return
         state = self._state
         height_error, climb_error = state.pos[2] - self._height.down, state.vel[2] - observed.vel[2]
@@ -286,9 +332,11 @@ class VelPosFusion:
         # With few satellites whatever GPS is the source of counts for less, even if it is assumed for want of GPS.
         scale = square(self._gps.noise_scaler)
         if vel_ok:
-            self._fuse_velocity(observed, scale if self._sources.uses_vel_xy(GPS) else 1.0)
+            scales_vel = self._scales_all_noise or self._sources.uses_vel_xy(GPS)
+            self._fuse_velocity(observed, scale if scales_vel else 1.0)
         if pos_ok:
-            variance = observed.pos_var * (scale if self._sources.pos_xy() == GPS else 1.0)
+            scales_pos = self._scales_all_noise or self._sources.pos_xy() == GPS
+            variance = observed.pos_var * (scale if scales_pos else 1.0)
             north = self._update(POS, observed.north, variance)
             east = self._update(POS + 1, observed.east, variance)
             self.pos_innovation = north, east, self.pos_innovation[2]
@@ -357,7 +405,7 @@ class VelPosFusion:
 
     def _test_velocity(self, now_ms: int, observed: Observed) -> bool:
         state, aiding = self._state, self._aiding
-        axes = self._tested_at_rest() if observed.is_rest else observed.vel_axes
+        axes = observed.tested_axes
         x, y, z = state.vel[0] - observed.vel[0], state.vel[1] - observed.vel[1], state.vel[2] - observed.vel[2]
         innovations = x * x + y * y
         spread = state.cov.var(VEL) + state.cov.var(VEL + 1) + axes * observed.vel_gate_var
@@ -454,7 +502,7 @@ class VelPosFusion:
             return
         # The filter keeps the innovations of velocities that it fuses; they are wanted of those that it rejects, too.
         x, y, z = self._state.vel[0] - velocity.vel[0], self._state.vel[1] - velocity.vel[1], 0.0
-        if self._sources.uses_vel_z(EXTNAV):
+        if observed.tested_axes == 3:
             z = self._state.vel[2] - velocity.vel[2]
         self._events.tell(ev.VELOCITY, rule, velocity.time_ms, _root(ratio), math.sqrt(x * x + y * y + z * z))
 

@@ -155,8 +155,10 @@ class ReplayLog(ExtNavLog):
         fitted: SensorSet | None = None,
         *,
         event_order: tuple[LogStructure, LogStructure] = EKF2_BEFORE_EKF3,
+        ranges_in_cm: bool = False,
     ) -> None:
         super().__init__(logger, enabled)
+        self._ranges_in_cm = ranges_in_cm
         self._event_order = event_order
         self._fitted = fitted or SensorSet()
         self._is_wanted = False
@@ -275,10 +277,15 @@ class ReplayLog(ExtNavLog):
         if not self._is_wanted or ranges is None or (ranges is self._ranges and not self._is_first):
             return
         self._ranges = ranges
-        self._write_input(RRNH, (ranges.ground_clearance, ranges.max_distance, len(ranges.finders)))
+        self._write_input(RRNH, (*self._lengths(ranges.ground_clearance, ranges.max_distance), len(ranges.finders)))
         for number, finder in enumerate(ranges.finders):
-            values = (*finder.place_frd, finder.distance, finder.orientation, finder.status, number)
+            (distance,) = self._lengths(finder.distance)
+            values = (*finder.place_frd, distance, finder.orientation, finder.status, number)
             self._write_input(RRNI, values, number)
+
+    def _lengths(self, *metres: float) -> tuple[float | int, ...]:
+        """Return lengths in m as the log has them."""
+        return tuple(round(100 * length) for length in metres) if self._ranges_in_cm else metres
 
     def note_run(self, *, was_initialised: bool) -> None:
         """Note that the filter was run in this frame, and whether it had a state before."""

@@ -12,6 +12,7 @@ from typing import Final
 from ap_core.cint import u8
 from ap_core.log_field import LogValue
 from ap_core.log_structure import MSG, LogStructure
+from ekf_stub.log.replay_log_structure import RFRN, RRNH, RRNI
 
 GPS: Final = LogStructure(
     94,
@@ -46,6 +47,7 @@ class LogRelease:
         message: layout of MSG.
         message_head: takes how many texts there were before, returns what precedes the text itself in MSG.
         filter_version: VER.FV, the version of the estimators (AP_FILTER_VERSION).
+        layouts: what it lays out otherwise besides, by their names.
         shifts: ids of the reference, in ascending order, each with by how much ids from there up to the next are
             greater in this release: records that it has more come before them.
     """
@@ -54,10 +56,11 @@ class LogRelease:
     message_head: Callable[[int], tuple[LogValue, ...]]
     filter_version: int
     shifts: tuple[tuple[int, int], ...] = ()
+    layouts: tuple[LogStructure, ...] = ()
 
     def own(self, structure: LogStructure) -> LogStructure:
         """Return a layout as this release has it, with its own id."""
-        own = self.message if structure is MSG else structure
+        own = next((layout for layout in (self.message, *self.layouts) if layout.name == structure.name), structure)
         shift = next((shift for first, shift in reversed(self.shifts) if own.msg_type >= first), 0)
         return replace(own, msg_type=own.msg_type + shift) if shift else own
 
@@ -73,7 +76,15 @@ def number_and_piece(texts_before: int) -> tuple[LogValue, ...]:
 
 
 PLAIN_TEXTS: Final = LogRelease(MSG, no_head, 2)
-"""The master of July 2025, and 4.6."""
+"""The master of July 2025."""
+
+_RANGES_IN_CM: Final = (
+    replace(RFND, format="QBCBBb", multipliers="F-B---"),
+    replace(RRNH, format="hhB", units="???", multipliers="???"),
+    replace(RRNI, format="fffHBBB", units="------#", multipliers="-------"),
+)
+STABLE_4_6: Final = LogRelease(MSG, no_head, 2, layouts=(*_RANGES_IN_CM, replace(RFRN, units="DUm????????")))
+"""4.6, which has ranges in whole centimetres."""
 
 _MODE_ID, _FMT_ID, _RTER_ID, _LANDING_ID, _VER_ID = 120, 128, 161, 110, 206
 

@@ -62,6 +62,8 @@ class Firmware:
         variance_texts: the texts for variances of the EKF over thresholds, and for a lost position.
         reads_flow_rates: whether flow_rate_x and flow_rate_y of OPTICAL_FLOW are read, in rad/s, once one of them is
             not zero (AP_OpticalFlow_MAV::handle_msg); otherwise flow_x and flow_y alone are, times the period.
+        reports_ekf_failure: an EKF failsafe is told even if the vehicle stays in its mode, as FS_EKF_ACTION 0 has it;
+            else that value lands, too (Copter::failsafe_ekf_event).
     """
 
     name: str
@@ -81,6 +83,7 @@ class Firmware:
     dds: DdsRelease = _DDS_OF_2025
     variance_texts: tuple[str, str] = ("EKF variance", "EKF variance")
     reads_flow_rates: bool = False
+    reports_ekf_failure: bool = True
 
     @property
     def version(self) -> tuple[int, int]:
@@ -110,9 +113,10 @@ STABLE_4_6: Final = Firmware(
     visual_odom.STABLE_4_6,
     endpoint.STABLE_4_6,
     EKF2_BEFORE_EKF3,
-    PLAIN_TEXTS,
+    log_releases.STABLE_4_6,
     params.STABLE_4_6,
     filters.STABLE_4_6,
+    reports_ekf_failure=False,
 )
 
 JULY_2025: Final = Firmware(

@@ -97,7 +97,6 @@ _AFTER_FLOW: Final = (
 )
 
 _AFTER_SOURCES: Final = (
-    ParamInfo("SRC_OPTIONS", INT16, 0, "Bits: 0 fuse all velocities, 1 align to optical flow, 3 a set per core"),
     ParamInfo("OGNM_TEST_SF", FLOAT, 2.0, "Scale of the test for standing still", "", (1.0, 10.0)),
     ParamInfo("PRIMARY", INT8, 0, "Core in use while disarmed", "", (0.0, 2.0)),
     ParamInfo("LOG_LEVEL", INT8, 0, "How little is logged, 0 is everything", "", (0.0, 3.0)),
@@ -125,13 +124,18 @@ FLOW_LIMIT_LATER: Final = "FLOW_MAX"
 """The same in the master of February 2026."""
 
 
-def make_ekf3_group(flow_limit: str = FLOW_LIMIT) -> ParamGroup:
-    """Return the EK3_ group with Copter's defaults; ``flow_limit`` is what the release calls that row."""
+def make_ekf3_group(flow_limit: str = FLOW_LIMIT, source_options: int = 0) -> ParamGroup:
+    """Return the EK3_ group with Copter's defaults.
+
+    ``flow_limit`` is what the release calls that row, ``source_options`` its default of EK3_SRC_OPTIONS.
+    """
+    options = "Bits: 0 fuse all velocities, 1 align to optical flow, 3 a set per core"
     rows = (
         *_BEFORE_FLOW,
         ParamInfo(flow_limit, FLOAT, 2.5, "Greatest optical flow rate that is used", "rad/s", (1.0, 4.0)),
         *_AFTER_FLOW,
         *(row for number in range(1, NUMBER_OF_SOURCE_SETS + 1) for row in _source_set(number)),
+        ParamInfo("SRC_OPTIONS", INT16, source_options, options),
         *_AFTER_SOURCES,
     )
     return ParamGroup("EK3_", rows, top_level_prefix="EK3_")

@@ -38,15 +38,21 @@ CHECKS_TO_SKIP: Final = (1 << 21) - 2
 
 
 class RangeUnit(NamedTuple):
-    """What the limits of a range finder are called, and how many metres their unit is."""
+    """What the limits of a range finder are called, and how many metres their unit is.
+
+    A release that has them in centimetres cuts the range itself to whole ones, for its estimator and its log.
+    """
 
     least: str
     most: str
+    clearance: str
     metres: np.float32
+    is_cm: bool
 
 
-_METRES: Final = RangeUnit("MIN", "MAX", np.float32(1))
-_CENTIMETRES: Final = RangeUnit("MIN_CM", "MAX_CM", np.float32(0.01))
+_METRES: Final = RangeUnit("MIN", "MAX", "GNDCLR", np.float32(1), is_cm=False)
+_CENTIMETRES: Final = RangeUnit("MIN_CM", "MAX_CM", "GNDCLEAR", np.float32(0.01), is_cm=True)
+_FUSE_ALL_VELOCITIES: Final = 1 << 0  # of EK3_SRC_OPTIONS
 
 LinkGroups = Callable[[int], list[ParamGroup]]
 """Takes the number of links, returns the groups."""
@@ -69,6 +75,7 @@ class ParameterRelease:
         more_stat: rows that end the STAT_ group.
         flow_limit: what the limit of optical flow rates is called in the EK3_ group.
         flow: the FLOW group.
+        source_options: the default of EK3_SRC_OPTIONS.
         range_finder: the group of a range finder.
         range_unit: in what that is.
         flying: how the vehicle flies.
@@ -88,6 +95,7 @@ class ParameterRelease:
     more_stat: Sequence[ParamInfo] = ()
     flow_limit: str = FLOW_LIMIT
     flow: Sequence[ParamInfo] = sensors.FLOW
+    source_options: int = 0
     range_finder: Sequence[ParamInfo] = sensors.RANGE_FINDER
     range_unit: RangeUnit = _METRES
     flying: FlyingParameters = flying.IN_CENTIMETRES
@@ -208,6 +216,7 @@ def _renamed_ranges() -> Iterator[tuple[str, Rename]]:
     for number in range(1, sensors.RANGE_FINDERS + 1):
         for name in ("MIN", "MAX"):
             yield f"RNGFND{number}_{name}_CM", Rename(f"RNGFND{number}_{name}", hundredth, hundredfold)
+        yield f"RNGFND{number}_GNDCLEAR", Rename(f"RNGFND{number}_GNDCLR", hundredth, hundredfold)
 
 
 def _renamed_streams() -> Iterator[tuple[str, Rename]]:
@@ -251,6 +260,7 @@ STABLE_4_6: Final = ParameterRelease(
     copter.ARMING,
     "CHECK",
     checks_to_make,
+    source_options=_FUSE_ALL_VELOCITIES,
     range_finder=sensors.RANGE_FINDER_IN_CM,
     range_unit=_CENTIMETRES,
     vicon=sensors.VICON_IN_4_6,

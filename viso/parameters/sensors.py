@@ -123,7 +123,7 @@ RANGE_FINDER: Final = _range_finder(
 RANGE_FINDER_IN_CM: Final = _range_finder(
     ParamInfo("MIN_CM", INT16, 20, "Shortest range that counts", "cm"),
     ParamInfo("MAX_CM", INT16, 700, "Longest range that counts", "cm"),
-    ParamInfo("GNDCLR", INT8, 10, "Range on the ground", "cm", (5.0, 127.0)),
+    ParamInfo("GNDCLEAR", INT8, 10, "Range on the ground", "cm", (5.0, 127.0)),
 )
 
 

@@ -27,6 +27,7 @@ TIMEOUT_MS: Final = 500
 MASK_LOG_CTUN: Final = 1 << 4
 
 _CENTI: Final = f32(0.01)
+_HUNDRED: Final = f32(100)
 _UNKNOWN_QUALITY: Final = -1
 _WORST_QUALITY: Final = 0
 _HAVE_NO_DATA: Final = (RangeStatus.NOT_CONNECTED, RangeStatus.NO_DATA)
@@ -77,7 +78,7 @@ class _Finder:
     def _read(self) -> _Setting:
         params, prefix, unit = self._params, self._prefix, self._unit
         least, most, clearance = (
-            f32(params.get_number(prefix + name)) * unit.metres for name in (unit.least, unit.most, "GNDCLR")
+            f32(params.get_number(prefix + name)) * unit.metres for name in (unit.least, unit.most, unit.clearance)
         )
         x, y, z = (float(params.get_float(f"{prefix}POS_{axis}")) for axis in "XYZ")
         kind, orientation = (params.get_int(prefix + name) for name in ("TYPE", "ORIENT"))
@@ -129,6 +130,11 @@ class _Finder:
         return max(setting.least, least), min(setting.most, most)
 
 
+def whole_cm(metres: np.float32) -> int:
+    """Return the whole centimetres of a length (AP_RangeFinder_Backend::distance_cm, up to 4.6)."""
+    return int(metres * _HUNDRED)
+
+
 def _quality(signal_quality: int) -> int:
     # A message has 0 for unknown and 1 for the worst.
     return {0: _UNKNOWN_QUALITY, 1: _WORST_QUALITY}.get(signal_quality, i8(signal_quality))
@@ -149,6 +155,7 @@ class MavlinkRanges:
         self._clock = clock
         self._params = params
         self._logger = logger
+        self._unit = unit
         numbers = range(1, RANGE_FINDERS + 1)
         at_boot = (number for number in numbers if params.get_int(f"RNGFND{number}_TYPE") == RANGE_TYPE_MAVLINK)
         self._finders = {number: _Finder(number, params, unit) for number in at_boot}
@@ -186,7 +193,8 @@ class MavlinkRanges:
             self._state = state
         if self._params.get_int("LOG_BITMASK") & MASK_LOG_CTUN:
             for number, finder in self._present().items():
-                reading = finder.distance, finder.status, finder.setting().orientation, finder.quality
+                dist = whole_cm(finder.distance) if self._unit.is_cm else finder.distance
+                reading = dist, finder.status, finder.setting().orientation, finder.quality
                 self._logger.write(RFND, (self._clock.micros64(), number - 1, *reading))
 
     def state(self) -> RangeState | None:
@@ -199,9 +207,8 @@ class MavlinkRanges:
         # Of one that is switched off the estimator keeps what it was told last; what lies between is not connected.
         for number, finder in self._present().items():
             setting = finder.setting()
-            self._told[number] = FinderState(
-                setting.place_frd, float(finder.distance), setting.orientation, finder.status
-            )
+            distance = f32(whole_cm(finder.distance)) * _CENTI if self._unit.is_cm else finder.distance
+            self._told[number] = FinderState(setting.place_frd, float(distance), setting.orientation, finder.status)
         down = self._downward()
         clearance = 0.0 if down is None else float(down.setting().ground_clearance)
         most = 0.0 if down is None else float(down.limits()[1])

@@ -121,7 +121,12 @@ class Vehicle:
         self.params.on_change.append(self.sources.forget)
         self._has_log_replay = FromParams(self.params, lambda: self.params.get_int("LOG_REPLAY") != 0)
         self._logs_disarmed = FromParams(self.params, lambda: self.params.get_int("LOG_DISARMED") != 0)
-        self.replay_log = ReplayLog(self.logger, self._logs_replay, event_order=config.firmware.event_order)
+        self.replay_log = ReplayLog(
+            self.logger,
+            self._logs_replay,
+            event_order=config.firmware.event_order,
+            ranges_in_cm=config.firmware.params.range_unit.is_cm,
+        )
         self.ahrs: AhrsBase = config.make_ahrs(self)
         source = self.ahrs.source
         self.source = source if isinstance(source, VehicleSource) else VehicleSource(ImuOptions())
@@ -271,7 +276,8 @@ class Vehicle:
 
     def _align_camera(self) -> None:
         if self.visual_odom.enabled() and self.ahrs.estimator_started():
-            self.visual_odom.align_position_to_ahrs(*self.sources.position_alignment())
+            axes = self.sources.position_alignment(self.firmware.ekf.aligns_source_in_use)
+            self.visual_odom.align_position_to_ahrs(*axes)
 
     def _errors_idle_until_us(self) -> int:
         return NEVER if self.internal_errors.mask == self._internal_errors_told else 0

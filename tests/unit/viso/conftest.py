@@ -331,6 +331,10 @@ class CopterRig:
         self.copter.has_booted = True
         self.copter.disarm_when_idle()
 
+    def use_firmware(self, firmware: Firmware) -> None:
+        """Let the copter be of another release."""
+        self.vehicle.firmware = firmware
+
     def sample(self) -> GpsSample | None:
         """Return the newest solution (MavlinkGps)."""
         return self.gps

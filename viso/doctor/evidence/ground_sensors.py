@@ -257,6 +257,8 @@ def _given(log: LogColumns) -> Floats:
         return _none(1 + len(labels))
     frames, time_us = log.offsets("RFRH")[::_FRAMES], table_of(log, "RFRH", ("TimeUS",))[::_FRAMES]
     rows, begins, found = table_of(log, "RRNI", labels), log.offsets("RRNI"), []
+    if not np.issubdtype(log.columns("RRNI", ["Dist"])["Dist"].dtype, np.floating):
+        rows[:, 1] *= 0.01  # up to 4.6 they are whole centimetres
     for instance in np.unique(rows[:, 0]).tolist():
         mine = rows[:, 0] == instance
         latest = np.searchsorted(begins[mine], frames, side="right") - 1

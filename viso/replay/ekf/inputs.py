@@ -12,6 +12,7 @@ from typing import Any, Final, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from ap_core.cint import i32
+from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.core import AFFINITY_BARO, AFFINITY_GPS, AFFINITY_MAG
@@ -44,6 +45,12 @@ def flow_of(record: Any) -> FlowMeasurement:
     flow_x, flow_y, gyro_x, gyro_y, x, y, z = numbers(record, "FX", "FY", "GX", "GY", "PX", "PY", "PZ")
     (quality,) = whole(record, "Qual")
     return FlowMeasurement(quality, (flow_x, flow_y), (gyro_x, gyro_y), (x, y, z))
+
+
+def _metres_of(record: Any, label: str) -> float:
+    """Return a range in m; up to 4.6 a log has them in whole centimetres, which the filter made metres of."""
+    (value,) = finite(record, label)
+    return float(f32(value) * f32(0.01)) if isinstance(getattr(record, label), int) else value
 
 
 class GpsRecords:
@@ -211,13 +218,14 @@ class ReplayInputs:
         (self.camera_delay_ms,) = whole(record, "Del")
 
     def _take_rrnh(self, record: Any) -> None:
-        clearance, max_distance = finite(record, "GCl", "MaxD")
+        clearance, max_distance = _metres_of(record, "GCl"), _metres_of(record, "MaxD")
         (count,) = whole(record, "NumSensors")
         before = () if self.ranges is None else self.ranges.finders
         self.ranges = RangeState((before + (_NO_RANGE,) * count)[:count], clearance, max_distance)
 
     def _take_rrni(self, record: Any) -> None:
-        x, y, z, distance = finite(record, "PX", "PY", "PZ", "Dist")
+        x, y, z = finite(record, "PX", "PY", "PZ")
+        distance = _metres_of(record, "Dist")
         orientation, status = whole(record, "Orient", "Status")
         index = instance(record)
         if self.ranges is not None and index < len(self.ranges.finders):

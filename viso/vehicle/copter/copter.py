@@ -85,7 +85,7 @@ class Copter:
         """
         # FIRMWARE PARITY: a vehicle that nobody flies stays in its mode.
         action, flight, mode = self._vehicle.params.get_int("FS_EKF_ACTION"), self.flight, self.modes.current
-        if flight is None or action == EkfAction.REPORT:
+        if flight is None or (action == EkfAction.REPORT and self._vehicle.firmware.reports_ekf_failure):
             return None
         if mode.number == ModeNumber.LAND and flight.land.holds_position:
             flight.land.holds_position = False

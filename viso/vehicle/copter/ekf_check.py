@@ -116,10 +116,12 @@ class EkfCheck:
         self.in_failsafe = True
         self._log.error(ERR_SUBSYSTEM_FAILSAFE_EKFINAV, ERR_FAILSAFE_OCCURRED)
         if self._is_armed():
-            self._failsafe_was_told = True
             mode = self._act()
-            changed = "" if mode is None else f": changed to {mode} Mode"
-            self._texts.send_text(_MAV_SEVERITY_CRITICAL, f"EKF Failsafe{changed}")
+            self._failsafe_was_told |= mode is not None or self._vehicle.firmware.reports_ekf_failure
+            if mode is not None:
+                self._texts.send_text(_MAV_SEVERITY_CRITICAL, f"EKF Failsafe: changed to {mode} Mode")
+            elif self._vehicle.firmware.reports_ekf_failure:
+                self._texts.send_text(_MAV_SEVERITY_CRITICAL, "EKF Failsafe")
 
     def _end_failsafe(self) -> None:
         if not self.in_failsafe:

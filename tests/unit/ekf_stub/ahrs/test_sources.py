@@ -192,3 +192,24 @@ def test_external_navigation_may_be_named_anywhere(number: int, what: str) -> No
 ])  # fmt: skip
 def test_gps_is_used_by_the_active_set(params: dict[str, int], used: bool) -> None:
     assert sources(**params).uses_gps() is used
+
+
+@pytest.mark.parametrize(("aligns_source_in_use", "is_aligned"), [(False, False), (True, True)])
+def test_camera_that_is_in_use_is_aligned_to_flow_up_to_4_6(aligns_source_in_use: bool, is_aligned: bool) -> None:
+    choice = sources(SRC1_POSXY=SourceXY.EXTNAV, SRC1_VELXY=SourceXY.OPTFLOW, SRC_OPTIONS=2)
+    assert choice.position_alignment(aligns_source_in_use)[0] is is_aligned
+
+
+@pytest.mark.parametrize(
+    ("params", "has_one"),
+    [
+        ({"SRC1_VELZ": 3}, True),
+        ({"SRC2_VELZ": 3}, False),
+        ({"SRC2_VELZ": 3, "SRC_OPTIONS": 1}, True),
+        ({"SRC_OPTIONS": 1}, False),
+    ],
+)
+def test_source_of_vertical_velocity_may_be_of_any_set_if_the_option_says_so(
+    params: dict[str, int], has_one: bool
+) -> None:
+    assert sources(**params).has_vel_z() is has_one

@@ -50,11 +50,13 @@ FIRST_FRAME = [
 class Rig:
     """An estimator whose frames are logged, LOG_REPLAY set."""
 
-    def __init__(self, event_order: tuple[LogStructure, LogStructure] = EKF2_BEFORE_EKF3) -> None:
+    def __init__(
+        self, event_order: tuple[LogStructure, LogStructure] = EKF2_BEFORE_EKF3, *, ranges_in_cm: bool = False
+    ) -> None:
         self.enabled = True
         self.records: list[tuple[str, tuple[LogValue, ...]]] = []
         fitted = SensorSet(compass_offsets=(5.0, 13.0, -18.0))
-        self.log = ReplayLog(self, lambda: self.enabled, fitted, event_order=event_order)
+        self.log = ReplayLog(self, lambda: self.enabled, fitted, event_order=event_order, ranges_in_cm=ranges_in_cm)
         self.sensors = SENSORS
         self.vehicle = VehicleFrame()
         self.gps: GpsSample | None = None
@@ -143,6 +145,14 @@ def test_range_finders_are_logged_as_they_change(rig: Rig) -> None:
     rig.ranges = rig.ranges._replace(max_distance=20.0)
     rig.frame()
     assert rig.values("RRNH") == [(0.125, 20.0, 2)]
+
+
+def test_4_6_logs_ranges_in_whole_centimetres() -> None:
+    rig = Rig(ranges_in_cm=True)
+    rig.ranges = RANGES._replace(ground_clearance=0.1)
+    rig.frame()
+    written = [values for name, values in rig.records if name.startswith("RRN")]
+    assert written == [(10, 3000, 2), (0.5, 0.0, 0.25, 200, 25, 4, 0), (0.0, 0.0, 0.0, 50, 24, 2, 1)]
 
 
 def test_flow_is_logged_with_where_its_sensor_is(rig: Rig) -> None:

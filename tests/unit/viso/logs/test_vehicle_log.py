@@ -110,3 +110,9 @@ def test_layouts_of_a_release_are_all_of_them_in_the_same_order() -> None:
     later = [APRIL_2026.log.own(one) for one in STRUCTURES]
     assert [one.name for one in later] == [one.name for one in STRUCTURES]
     assert MSG_NUMBERED in later
+
+
+def test_4_6_has_ranges_in_centimetres() -> None:
+    own = {one.name: one for one in map(STABLE_4_6.log.own, STRUCTURES)}
+    assert [own[name].format for name in ("RFND", "RRNH", "RRNI")] == ["QBCBBb", "hhB", "fffHBBB"]
+    assert {name for name, one in own.items() if one not in STRUCTURES} == {"RFND", "RRNH", "RRNI", "RFRN"}

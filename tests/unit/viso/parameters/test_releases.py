@@ -147,3 +147,13 @@ def test_one_ground_station_was_in_charge_before(firmware: Firmware) -> None:
     params, names = table(firmware), firmware.endpoint.params
     params.set(names.ground_station_id, 250)
     assert {number for number in range(256) if names.is_ground_station(params, number)} == {250}
+
+
+@pytest.mark.parametrize(("firmware", "options"), [(STABLE_4_6, 1), (JULY_2025, 0), (APRIL_2026, 0)])
+def test_all_velocities_are_fused_by_default_up_to_4_6(firmware: Firmware, options: int) -> None:
+    assert table(firmware).get_int("EK3_SRC_OPTIONS") == options
+
+
+def test_range_on_the_ground_is_carried_over_from_4_6() -> None:
+    rename = JULY_2025.params.renames["RNGFND1_GNDCLEAR"]
+    assert (rename.new, rename.convert(25)) == ("RNGFND1_GNDCLR", 0.25)

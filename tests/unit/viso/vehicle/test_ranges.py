@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ap_core.clock import VirtualClock
@@ -203,9 +204,17 @@ def test_any_range_is_enough_for_arming(cm: int) -> None:
 
 
 def test_limits_of_4_6_are_in_centimetres() -> None:
-    rig = Rig(STABLE_4_6.params, RNGFND1_MIN_CM=50, RNGFND1_MAX_CM=1000, RNGFND1_GNDCLR=25)
+    rig = Rig(STABLE_4_6.params, RNGFND1_MIN_CM=50, RNGFND1_MAX_CM=1000, RNGFND1_GNDCLEAR=25)
     assert rig.see(distance(49)).status is RangeStatus.TOO_NEAR
     assert rig.see(distance(1001)).status is RangeStatus.TOO_FAR
     state = rig.ranges.state()
     assert state is not None
     assert (state.ground_clearance, state.max_distance) == (0.25, 10.0)
+
+
+@pytest.mark.parametrize(("cm", "given"), [(22, 22), (23, 22), (24, 24), (27, 26), (2900, 2900)])
+def test_range_of_4_6_is_whole_centimetres_and_single_precision_may_cost_one(cm: int, given: int) -> None:
+    rig = Rig(STABLE_4_6.params, RNGFND1_MAX_CM=4000)
+    told = rig.see(distance(cm))
+    assert told.distance == np.float32(given) * np.float32(0.01)
+    assert rig.records[-1]["Dist"] == given

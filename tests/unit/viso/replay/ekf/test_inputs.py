@@ -5,6 +5,7 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ekf_stub.inputs.measurements import FinderState, FlowMeasurement, RangeState
@@ -112,6 +113,14 @@ def test_ranges_are_those_of_the_range_finders_that_there_are(inputs: ReplayInpu
     place = (0.1, 0.2, 0.3)
     finders = FinderState(place, 2.0, 25, 4), FinderState(place, 3.0, 25, 3)
     assert inputs.ranges == RangeState(finders, 0.1, 40.0)
+
+
+def test_ranges_of_4_6_are_centimetres(inputs: ReplayInputs) -> None:
+    inputs.take(record("RRNH", GCl=10, MaxD=4000, NumSensors=1))
+    inputs.take(range_finder(0, 57))
+    assert inputs.ranges is not None
+    assert inputs.ranges.finders[0].distance == np.float32(57) * np.float32(0.01)
+    assert (inputs.ranges.ground_clearance, inputs.ranges.max_distance) == pytest.approx((0.1, 40.0))
 
 
 @pytest.mark.parametrize(("status", "orient", "is_good"), [(4, 25, True), (4, 0, False), (1, 25, False)])

@@ -13,6 +13,7 @@ from ekf_stub.reports import FilterFlag, FilterStatus
 from mav_handlers.wire.messages import HEARTBEAT, SET_GPS_GLOBAL_ORIGIN
 from tests.copies import Copies
 from tests.unit.viso.conftest import NAVIGATES, booted
+from viso.firmware.releases import JULY_2025, STABLE_4_6, Firmware
 from viso.vehicle.copter.ekf_check import is_over_threshold
 
 if TYPE_CHECKING:
@@ -135,6 +136,19 @@ def test_vehicle_that_never_had_a_position_does_not_warn(rig: "CopterRig") -> No
     rig.ahrs.ekf_origin = ORIGIN
     watch(rig, 3.0, FilterStatus(FilterFlag(0)))
     assert told(rig) == ([], [])
+
+
+@pytest.mark.parametrize(("firmware", "failsafe"), [(JULY_2025, ["EKF Failsafe"]), (STABLE_4_6, [])])
+def test_failsafe_that_leaves_the_mode_is_told_since_4_7(
+    watched: "CopterRig", firmware: Firmware, failsafe: list[str]
+) -> None:
+    watched.use_firmware(firmware)
+    watched.copter.arm(do_checks=False)
+    told(watched)
+    watch(watched, 1.0, ILL)
+    assert told(watched) == (LOST, ["EKF variance", *failsafe])
+    watch(watched, 1.0, WELL)
+    assert told(watched) == (RESOLVED, ["EKF Failsafe Cleared"] if failsafe else [])
 
 
 @cache

@@ -15,6 +15,7 @@ from ekf_stub.reports import FilterFlag
 from mav_handlers.handlers.commands.flight import GuidedTarget
 from tests.copies import Copies
 from tests.unit.viso.conftest import CopterRig
+from viso.firmware.releases import STABLE_4_6
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.modes import ModeNumber, ModeReason
 from viso.vehicle.sensors.moving import FlyingSource
@@ -299,6 +300,24 @@ class TestEkfFailsafe:
         self.fail(up)
         assert up.copter.modes.current.number == entered
         assert told in up.rig.take_texts()
+
+    @pytest.mark.parametrize(
+        ("action", "mode", "entered", "told"),
+        [
+            (0, ModeNumber.GUIDED, ModeNumber.LAND, ["EKF Failsafe: changed to LAND Mode"]),
+            (1, ModeNumber.ALT_HOLD, ModeNumber.ALT_HOLD, []),
+            (1, ModeNumber.LAND, ModeNumber.LAND, []),
+        ],
+    )
+    def test_4_6_has_no_action_that_only_reports(
+        self, up: Flyer, action: int, mode: ModeNumber, entered: ModeNumber, told: list[str]
+    ) -> None:
+        up.rig.use_firmware(STABLE_4_6)
+        up.rig.params.set("FS_EKF_ACTION", action)
+        up.set_mode(mode)
+        self.fail(up)
+        assert up.copter.modes.current.number == entered
+        assert [text for text in up.rig.take_texts() if text.startswith("EKF Failsafe")] == told
 
     def test_it_waits_then_lands_without_a_position(self, up: Flyer) -> None:
         self.fail(up)
