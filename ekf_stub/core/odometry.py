@@ -13,7 +13,7 @@ from ekf_stub.core.inertial import Inertial
 from ekf_stub.core.params import EXTNAV, EkfSources
 from ekf_stub.core.samples import OdometrySample
 from ekf_stub.core.state import State
-from ekf_stub.core.vectors import ZERO, Vec3, cross, is_finite, length, scaled, square, to_body
+from ekf_stub.core.vectors import ZERO, Quat, Vec3, cross, is_finite, length, scaled, square, to_body
 
 GATE_SIGMAS: Final = 5.0
 _MIN_DT: Final = 1e-3
@@ -55,8 +55,9 @@ class BodyOdometry:
 
     def _fuse(self, sample: OdometrySample, now_ms: int, step: Inertial) -> None:
         worst = 0.0
+        before = self._state.quat, self._state.vel
         for axis in range(3):
-            ratio = self._fuse_axis(axis, sample, now_ms, step)
+            ratio = self._fuse_axis(axis, sample, now_ms, step, before)
             if ratio < 0.0:
                 break
             if ratio > worst:
@@ -64,14 +65,19 @@ class BodyOdometry:
         rule = ev.FUSED if worst < 1 else ev.GATE_ODOMETRY
         self._events.tell(ev.ODOMETRY, rule, sample.time_ms, math.sqrt(worst), length(self.innovation))
 
-    def _fuse_axis(self, axis: int, sample: OdometrySample, now_ms: int, step: Inertial) -> float:
-        """Return the square of innovation to gate; negative where the calculation is badly conditioned."""
+    def _fuse_axis(
+        self, axis: int, sample: OdometrySample, now_ms: int, step: Inertial, before: tuple[Quat, Vec3]
+    ) -> float:
+        """Return the square of innovation to gate; negative where the calculation is badly conditioned.
+
+        ``before`` are attitude and velocity before the first axis, by which errors count along all three.
+        """
         state = self._state
         noise_var = square(sample.err)
         predicted = to_body(state.rotation, state.vel)[axis]
         if step.del_ang_dt > _MIN_DT:
             predicted += cross(scaled(step.del_ang, 1.0 / step.del_ang_dt), sample.offset)[axis]
-        expected = state.look_along_body_velocity(axis, 1.0, state.quat, state.vel)
+        expected = state.look_along_body_velocity(axis, 1.0, before[0], before[1])
         variance = expected + noise_var
         if variance <= noise_var:
             return -1.0

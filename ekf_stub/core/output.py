@@ -171,7 +171,7 @@ class OutputPredictor:
         self._filtered_down = self.now.pos[2]
 
     def rotate(self, turn: Quat) -> None:
-        """Turn the attitude, earth to earth, now and in the history."""
-        self.now.quat = normalized(times(turn, self.now.quat))
+        """Turn the attitude, now and in the history, each about the axes of its own body (StoreQuatRotate)."""
+        self.now.quat = normalized(times(self.now.quat, turn))
         for output in self._history:
-            output.quat = normalized(times(turn, output.quat))
+            output.quat = normalized(times(output.quat, turn))

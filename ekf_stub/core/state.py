@@ -20,6 +20,7 @@ from ekf_stub.core.vectors import (
     Rotation,
     Vec3,
     add,
+    conjugate,
     is_finite,
     larger,
     length,
@@ -458,15 +459,16 @@ class State:
         return False
 
     def set_yaw(self, yaw: float, variance: float, by_321: bool) -> Quat:
-        """Set yaw, keep roll, pitch and how well they are known; return the rotation, earth to earth."""
+        """Set yaw, keep roll, pitch and how well they are known; return the rotation, as seen from the body."""
         if not math.isfinite(yaw):
             self.refused += 1
             return ONE
         half = 0.5 * (yaw - self.yaw(by_321))
         turn = math.cos(half), 0.0, 0.0, math.sin(half)
+        before = self.quat
         tilt_var = 0.5 * self.predicted_tilt_var
         yaw_var = larger(variance, 0.0) if variance <= _MAX_ATT_VAR else _MAX_ATT_VAR
-        self.quat = normalized(times(turn, self.quat))
+        self.quat = normalized(times(turn, before))
         self.rotation = matrix(self.quat)
         self.clear(0, VEL, 0.0)
         north, east, down = self.rotation
@@ -479,7 +481,7 @@ class State:
             ),
         )
         self.predicted_tilt_var = self._tilt_var()
-        return turn
+        return times(conjugate(before), self.quat)
 
     # What follows from it
 

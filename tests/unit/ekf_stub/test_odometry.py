@@ -102,6 +102,23 @@ def test_gain_follows_from_the_error(err: float) -> None:
     assert told.core.state.vel[0] - vel == pytest.approx(gain * (0.1 - vel), rel=0.01)
 
 
+def test_all_axes_depend_on_the_errors_that_were_found_before_the_first() -> None:
+    # GIVEN a filter that knows little of yaw, and that the first axis tells how fast it is
+    rig = standing("06101", run_s=1.5)
+    told, other = tell(rig, 1.0, 0.5)
+    state, cov = other.core.state, other.covariance()
+    rows = []
+    for axis in range(2):
+        state.look_along_body_velocity(axis, 1.0, state.quat, state.vel)
+        rows.append(np.array([*state.cov.row[:POS]] + [0.0] * (22 - POS)))
+    # THEN the variance of the second is that of Kalman's formulae, by what was known before
+    first, second = rows
+    spread = cov @ first
+    cov = cov - np.outer(spread, spread) / (first @ spread + 0.1**2)
+    assert told.core.state.vel[0] > 0.3
+    assert told.core.odometry.variance[1] == pytest.approx(second @ cov @ second + 0.1**2, rel=1e-9)
+
+
 @pytest.mark.parametrize("yaw", [0.0, math.pi / 2, -2.0])
 def test_velocity_is_expected_in_the_frame_of_the_body(yaw: float) -> None:
     # GIVEN a vehicle that drives east with any heading

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from ekf_stub.core.vectors import euler_of
+from ekf_stub.core.vectors import conjugate, euler_of, quat_of_euler, times
 from tests.unit.ekf_stub.filter_rig import HOME, SLOW_LOOP_US, FilterRig, navigating, standing
 
 
@@ -93,6 +93,19 @@ def test_present_and_past_jump_together(kind: str) -> None:
     assert rig.report.pos_error < 0.05
     assert rig.report.angle_error < 0.01
     assert rig.report.vel_error < 0.05
+
+
+def test_output_turns_about_its_own_body_as_yaw_is_set() -> None:
+    # GIVEN an output that leans otherwise than the filter at the horizon, as where the vehicle turns
+    rig = standing(loop_us=SLOW_LOOP_US)
+    output, state = rig.core.output, rig.core.state
+    leaning = quat_of_euler(0.1, -0.2, 0.3)
+    output.now.quat, before = leaning, state.quat
+    # WHEN the filter's yaw is set, THEN what the filter turned, seen from its body, is what the output turns
+    output.rotate(state.set_yaw(1.5, 0.01, True))
+    expected = times(times(leaning, conjugate(before)), state.quat)
+    assert output.now.quat == pytest.approx(expected, abs=1e-12)
+    assert state.yaw(True) == pytest.approx(1.5)
 
 
 # The rate of height
