@@ -232,4 +232,4 @@ class AhrsBase:
         posOffset: Vector3f,
     ) -> None:
         """Log a body odometry sample; an estimator hands it to all cores."""
-        self._log.body_odometry(quality, delPos, delAng, delTime, timeStamp_ms)
+        self._log.body_odometry(quality, delPos, delAng, delTime, timeStamp_ms, delay_ms, posOffset)

@@ -17,7 +17,7 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import FlowMeasurement
 from ekf_stub.log.replay_log_structure import RBOH, REPH, REVH, ROFH, RVOH
 
-_UNFILLED: Final = (np.float32(0),) * 3
+_UNFILLED: Final = (*(np.float32(0),) * 3, 0)
 _NO_HEIGHT: Final = 0.0  # FLOW_HGT_OVR, which rovers have
 
 _Values = Callable[..., tuple[LogValue, ...]]
@@ -38,12 +38,17 @@ class ExtNavLog:
     """Writes RVOH, ROFH, REPH, REVH and RBOH, each only when it differs from the one before.
 
     Nothing is written before the estimator's first frame, nor between the opening of a log and the next frame
-    (AP_DAL::start_frame, AP_DAL::WriteLogMessage). ``enabled`` says whether replay records are wanted (LOG_REPLAY).
+    (AP_DAL::start_frame, AP_DAL::WriteLogMessage).
+
+    Args:
+        enabled: says whether replay records are wanted (LOG_REPLAY).
+        fills_odometry: RBOH has the camera's place and delay; else they are 0 there.
     """
 
-    def __init__(self, logger: RecordSink, enabled: Callable[[], bool]) -> None:
+    def __init__(self, logger: RecordSink, enabled: Callable[[], bool], *, fills_odometry: bool = False) -> None:
         self._logger = logger
         self._enabled = enabled
+        self._fills_odometry = fills_odometry
         self._last: dict[tuple[str, int], bytes | tuple[_Values, tuple[Any, ...]]] = {}
         self._in_frames = False
         self._awaits_camera = False
@@ -128,11 +133,19 @@ class ExtNavLog:
         self._write_changed(REVH, _velocity_values, vel, err, timeStamp_ms, delay_ms)
 
     def body_odometry(
-        self, quality: np.float32, delPos: Vector3f, delAng: Vector3f, delTime: np.float32, timeStamp_ms: int
+        self,
+        quality: np.float32,
+        delPos: Vector3f,
+        delAng: Vector3f,
+        delTime: np.float32,
+        timeStamp_ms: int,
+        delay_ms: int,
+        posOffset: Vector3f,
     ) -> None:
-        """Log a call of writeBodyFrameOdom; the firmware leaves offset and delay of this record unfilled."""
+        """Log a call of writeBodyFrameOdom."""
         self._end_frame()
-        self._write_changed(RBOH, _odometry_values, quality, delPos, delAng, delTime, timeStamp_ms)
+        camera = (*posOffset.to_tuple(), u16(delay_ms)) if self._fills_odometry else _UNFILLED
+        self._write_changed(RBOH, _odometry_values, quality, delPos, delAng, delTime, timeStamp_ms, camera)
 
 
 def _camera_values(frame: VisualOdomFrame) -> tuple[LogValue, ...]:
@@ -154,6 +167,11 @@ def _velocity_values(vel: Vector3f, err: np.float32, time_ms: int, delay_ms: int
 
 
 def _odometry_values(
-    quality: np.float32, del_pos: Vector3f, del_ang: Vector3f, del_time: np.float32, time_ms: int
+    quality: np.float32,
+    del_pos: Vector3f,
+    del_ang: Vector3f,
+    del_time: np.float32,
+    time_ms: int,
+    camera: tuple[LogValue, ...],
 ) -> tuple[LogValue, ...]:
-    return quality, *del_pos.to_tuple(), *del_ang.to_tuple(), del_time, time_ms, *_UNFILLED, 0
+    return quality, *del_pos.to_tuple(), *del_ang.to_tuple(), del_time, time_ms, *camera

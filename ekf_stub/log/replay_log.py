@@ -146,6 +146,7 @@ class ReplayLog(ExtNavLog):
         enabled: says whether replay records are wanted now: LOG_REPLAY is set, and a log is open.
         fitted: how many sensors there are; two IMUs, two barometers and three compasses by default.
         event_order: the records of an event that both filters know, in their order.
+        fills_odometry: RBOH has the camera's place and delay.
     """
 
     def __init__(
@@ -156,8 +157,9 @@ class ReplayLog(ExtNavLog):
         *,
         event_order: tuple[LogStructure, LogStructure] = EKF2_BEFORE_EKF3,
         ranges_in_cm: bool = False,
+        fills_odometry: bool = False,
     ) -> None:
-        super().__init__(logger, enabled)
+        super().__init__(logger, enabled, fills_odometry=fills_odometry)
         self._ranges_in_cm = ranges_in_cm
         self._event_order = event_order
         self._fitted = fitted or SensorSet()

@@ -68,7 +68,13 @@ class Estimator:
 
     def __init__(self, firmware: Firmware = JULY_2025) -> None:
         self.rows: list[Row] = []
-        self.log = ReplayLog(self, lambda: True, FITTED, event_order=firmware.event_order)
+        self.log = ReplayLog(
+            self,
+            lambda: True,
+            FITTED,
+            event_order=firmware.event_order,
+            fills_odometry=firmware.log.fills_odometry,
+        )
         self._given: dict[str, Any] = {}
         self._mag: tuple[int, Any] | None = None
         self._initialised = False
@@ -113,7 +119,9 @@ class Estimator:
         elif name == "RBOH":
             quality, *moved, interval_s, time_ms = values[:9]
             deltas = Vector3f(*moved[:3]), Vector3f(*moved[3:])
-            self.log.body_odometry(np.float32(quality), *deltas, np.float32(interval_s), time_ms)
+            *offset, delay_ms = values[9:]
+            place = Vector3f(*offset)
+            self.log.body_odometry(np.float32(quality), *deltas, np.float32(interval_s), time_ms, delay_ms, place)
         elif name == "REV3":
             self.log.event(values[0])
         elif name == "RSO3":

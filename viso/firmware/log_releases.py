@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
-from ap_core.cint import u8
 from ap_core.log_field import LogValue
 from ap_core.log_structure import MSG, LogStructure
 from ekf_stub.log.replay_log_structure import RFRN, RRNH, RRNI
@@ -50,6 +49,7 @@ class LogRelease:
         layouts: what it lays out otherwise besides, by their names.
         shifts: ids of the reference, in ascending order, each with by how much ids from there up to the next are
             greater in this release: records that it has more come before them.
+        fills_odometry: RBOH, the replay record of a body odometry, has the camera's place and delay.
     """
 
     message: LogStructure
@@ -57,6 +57,7 @@ class LogRelease:
     filter_version: int
     shifts: tuple[tuple[int, int], ...] = ()
     layouts: tuple[LogStructure, ...] = ()
+    fills_odometry: bool = False
 
     def own(self, structure: LogStructure) -> LogStructure:
         """Return a layout as this release has it, with its own id."""
@@ -71,8 +72,11 @@ def no_head(_texts_before: int) -> tuple[LogValue, ...]:
 
 
 def number_and_piece(texts_before: int) -> tuple[LogValue, ...]:
-    """Return ID, a byte that counts the texts from 1, and Seq, which is 0: no text here is longer than one piece."""
-    return u8(texts_before + 1), 0
+    """Return ID, which counts the texts from 1 to 255 again and again, and Seq, which is 0: no text has two pieces.
+
+    Source: AP_Logger.h, get_MSG_id.
+    """
+    return texts_before % 255 + 1, 0
 
 
 PLAIN_TEXTS: Final = LogRelease(MSG, no_head, 2)
@@ -91,10 +95,13 @@ _MODE_ID, _FMT_ID, _RTER_ID, _LANDING_ID, _VER_ID = 120, 128, 161, 110, 206
 NUMBERED_TEXTS: Final = LogRelease(MSG_NUMBERED, number_and_piece, 3, ((_MODE_ID, 1), (_FMT_ID, 0), (_RTER_ID, 1)))
 """The master of February 2026, which has RTC before MODE and RTER at the end of the replay records."""
 
+STABLE_4_7: Final = replace(NUMBERED_TEXTS, fills_odometry=True)
+
 APRIL_2026: Final = LogRelease(
     MSG_NUMBERED,
     number_and_piece,
     3,
     ((_LANDING_ID, 1), (_MODE_ID, 2), (_FMT_ID, 0), (_RTER_ID, 1), (_VER_ID, 2)),
+    fills_odometry=True,
 )
 """The master of April 2026, which has PIDW after PIDE and SPOL before VER besides."""

@@ -126,6 +126,7 @@ class Vehicle:
             self._logs_replay,
             event_order=config.firmware.event_order,
             ranges_in_cm=config.firmware.params.range_unit.is_cm,
+            fills_odometry=config.firmware.log.fills_odometry,
         )
         self.ahrs: AhrsBase = config.make_ahrs(self)
         source = self.ahrs.source

@@ -17,10 +17,10 @@ from ekf_stub.log.ext_nav_log import ExtNavLog, VisualOdomFrame
 class Rig:
     """A log of replay records, LOG_REPLAY set."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, fills_odometry: bool = False) -> None:
         self.enabled = True
         self.records: list[tuple[str, tuple[LogValue, ...]]] = []
-        self.log = ExtNavLog(self, lambda: self.enabled)
+        self.log = ExtNavLog(self, lambda: self.enabled, fills_odometry=fills_odometry)
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         self.records.append((structure.name, tuple(values)))
@@ -35,7 +35,7 @@ class Rig:
         self.log.velocity(Vector3f(), f32(0.1), time_ms, delay_ms)
 
     def odometry(self, time_ms: int = 100) -> None:
-        self.log.body_odometry(f32(50), Vector3f(), Vector3f(), f32(0.02), time_ms)
+        self.log.body_odometry(f32(50), Vector3f(), Vector3f(), f32(0.02), time_ms, 15, Vector3f(1, 2, 3))
 
     def names(self) -> list[str]:
         names = [name for name, _ in self.records]
@@ -50,6 +50,17 @@ def rig() -> Rig:
     rig.frame()
     rig.records.clear()
     return rig
+
+
+@pytest.mark.parametrize(("fills", "camera"), [(False, (0, 0, 0, 0)), (True, (1, 2, 3, 15))])
+def test_odometry_has_the_cameras_place_and_delay_where_the_release_fills_them_in(
+    fills: bool, camera: tuple[int, ...]
+) -> None:
+    rig = Rig(fills_odometry=fills)
+    rig.frame()
+    rig.odometry()
+    name, values = rig.records[-1]
+    assert (name, values[-4:]) == ("RBOH", camera)
 
 
 def test_first_frame_logs_the_camera() -> None:

@@ -89,7 +89,7 @@ class Rig:
         self.log.velocity(Vector3f(), f32(0.1), self._now_us // 1000, 10)
 
     def odometry(self) -> None:
-        self.log.body_odometry(f32(50), Vector3f(), Vector3f(), f32(0.02), self._now_us // 1000)
+        self.log.body_odometry(f32(50), Vector3f(), Vector3f(), f32(0.02), self._now_us // 1000, 0, Vector3f())
 
     def flow(self) -> None:
         measured = FlowMeasurement(180, (0.25, -0.5), (0.125, 0.0), (0.5, 0.0, -0.25))

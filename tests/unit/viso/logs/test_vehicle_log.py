@@ -95,8 +95,8 @@ def test_texts_are_numbered_one_after_the_other() -> None:
     assert {piece for _, piece in heads} == {0}
 
 
-def test_number_of_a_text_is_a_byte() -> None:
-    assert [number_and_piece(before) for before in (0, 254, 255, 256)] == [(1, 0), (255, 0), (0, 0), (1, 0)]
+def test_number_of_a_text_is_a_byte_but_0() -> None:
+    assert [number_and_piece(before) for before in (0, 254, 255, 256)] == [(1, 0), (255, 0), (1, 0), (2, 0)]
 
 
 @every_firmware
