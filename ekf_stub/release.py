@@ -70,8 +70,14 @@ FEBRUARY_2026: Final = FilterRelease(gsf_asks_load=True, forgets_frozen=True, fl
 STABLE_4_7: Final = FilterRelease(
     gsf_asks_load=True,
     resets_height_by_its_source=True,
+    refuses_early_origin=True,
     relative_needs_no_yaw=True,
     forgets_frozen=True,
     flow_limit="FLOW_MAX",
 )
+"""Copter 4.7.1: its branch left the master on 6 March 2026 and took origin and height resets over later.
+
+FIRMWARE PARITY: calcTiltErrorVariance and FuseDeclination sum up in another order since January 2026; it is their last
+digits that differ, so all releases share one form here.
+"""
 APRIL_2026: Final = FilterRelease(True, True, True, True, True, True, True, "FLOW_MAX")

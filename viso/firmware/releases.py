@@ -20,8 +20,8 @@ from viso.firmware.log_releases import NUMBERED_TEXTS, PLAIN_TEXTS, LogRelease
 from viso.parameters import releases as params
 from viso.parameters.releases import ParameterRelease
 
-OFFICIAL: Final = 255
-"""FIRMWARE_VERSION_TYPE of what is released; 0 is development."""
+DEVELOPMENT, OFFICIAL = 0, 255
+"""FIRMWARE_VERSION_TYPE of a master, and of what is released."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ JULY_2025: Final = Firmware(
     4,
     7,
     0,
-    0,
+    DEVELOPMENT,
     visual_odom.JULY_2025,
     endpoint.JULY_2025,
     EKF2_BEFORE_EKF3,
@@ -144,7 +144,7 @@ FEBRUARY_2026: Final = Firmware(
     4,
     7,
     0,
-    0,
+    DEVELOPMENT,
     visual_odom.FEBRUARY_2026,
     endpoint.FEBRUARY_2026,
     EKF3_BEFORE_EKF2,
@@ -155,11 +155,13 @@ FEBRUARY_2026: Final = Firmware(
     reads_flow_rates=True,
 )
 
+# The branch is in no public copy that was read: its code is that of its branch point, b1571a08, with what release notes
+# name of the master's commits since. The revision of 4.7.1 is that of its banner in public logs.
 STABLE_4_7: Final = Firmware(
     "4.7",
     "2026-07",
     "ArduCopter V4.7.1",
-    "0932dd82",
+    "dbe79216",
     4,
     7,
     1,
@@ -167,7 +169,7 @@ STABLE_4_7: Final = Firmware(
     visual_odom.STABLE_4_7,
     endpoint.STABLE_4_7,
     EKF3_BEFORE_EKF2,
-    NUMBERED_TEXTS,
+    log_releases.STABLE_4_7,
     params.STABLE_4_7,
     filters.STABLE_4_7,
     _DDS_OF_2026,
@@ -182,7 +184,7 @@ APRIL_2026: Final = Firmware(
     4,
     8,
     0,
-    0,
+    DEVELOPMENT,
     visual_odom.APRIL_2026,
     endpoint.APRIL_2026,
     EKF3_BEFORE_EKF2,

@@ -143,6 +143,7 @@ def test_session_that_is_used_again_holds_another_file(tmp_path: Path) -> None:
         ("ArduCopter V4.7.0-dev (11223344)", (), JULY_2025),
         ("ArduCopter V4.7.0-dev (2f511151)", (), FEBRUARY_2026),
         ("ArduCopter V4.7.0-beta2 (11223344)", ("ARMING_SKIPCHK",), STABLE_4_7),
+        ("ArduCopter V4.7.0 (1511f271)", (), STABLE_4_7),
         ("ArduCopter V4.8.0-dev (11223344)", (), APRIL_2026),
         ("ArduCopter V4.9.0 (11223344)", (), APRIL_2026),
         # By SYSID_THISMAV, which all of these have.

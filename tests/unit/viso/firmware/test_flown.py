@@ -35,6 +35,17 @@ def test_vehicle_introduces_itself(text: str, expected: tuple[object, ...]) -> N
     assert (found.text, found.vehicle, found.major, found.minor, found.source_hash) == (text, *expected)
 
 
+def test_master_differs_from_a_release() -> None:
+    told = {
+        text: version.is_master
+        for text in ("ArduCopter V4.7.0-dev (2b361bde)", "ArduCopter V4.7.0-beta2", "ArduCopter V4.7.1 (dbe79216)")
+        if (version := version_in(text)) is not None
+    }
+    assert list(told.values()) == [True, False, False]
+    numbers = version_of_number(0x04070000, "", "Copter"), version_of_number(0x040701FF, "", "Copter")
+    assert [one is not None and one.is_master for one in numbers] == [True, False]
+
+
 @pytest.mark.parametrize(
     "text", ["", "EKF3 IMU0 initialised", "Frame: COPTER", "Submarine", "ChibiOS: 17a50e3a", "V4.5.7"]
 )
