@@ -325,8 +325,14 @@ def _firmware() -> Iterator[tuple[str, ...]]:
     yield row("rates of the first link", lambda one: f"`{one.endpoint.params.stream_rate(0, '_...')}`")
     yield row("options of a link", lambda one: said(one.endpoint.params.link_options))
     yield row("arming checks", lambda one: f"`ARMING_{one.params.arming_check}`")
+    yield row(
+        "GPS that arming asks for, in modes with a position",
+        lambda one: "any" if one.checks_unused_gps else "one that the active source set uses",
+    )
+    yield row("origin kept in parameters", lambda one: "bits 3, 4 of `AHRS_OPTIONS`" if one.keeps_origin else "no")
     yield row("parameters that others lack", lambda one: ", ".join(f"`{name}`" for name in _further(one)) or "none")
     yield row("replay records of an event", lambda one: ", ".join(f"`{record.name}`" for record in one.event_order))
+    yield row("camera's place and delay in `RBOH`", lambda one: "yes" if one.log.fills_odometry else "0")
     yield row("texts in a log", lambda one: f"`{one.log.message.labels}`")
     yield row("version of the filter in a log", lambda one: f"{one.log.filter_version}")
 

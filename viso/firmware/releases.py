@@ -64,6 +64,10 @@ class Firmware:
             not zero (AP_OpticalFlow_MAV::handle_msg); otherwise flow_x and flow_y alone are, times the period.
         reports_ekf_failure: an EKF failsafe is told even if the vehicle stays in its mode, as FS_EKF_ACTION 0 has it;
             else that value lands, too (Copter::failsafe_ekf_event).
+        checks_unused_gps: arming in a mode that needs a position asks for a good GPS even if the active source set
+            takes nothing from it (AP_Arming_Copter::gps_checks).
+        keeps_origin: the filter's origin is logged however it was set, and AHRS_OPTIONS may keep it in parameters
+            (AP_AHRS::record_origin).
     """
 
     name: str
@@ -84,6 +88,8 @@ class Firmware:
     variance_texts: tuple[str, str] = ("EKF variance", "EKF variance")
     reads_flow_rates: bool = False
     reports_ekf_failure: bool = True
+    checks_unused_gps: bool = True
+    keeps_origin: bool = False
 
     @property
     def version(self) -> tuple[int, int]:
@@ -153,6 +159,8 @@ FEBRUARY_2026: Final = Firmware(
     filters.FEBRUARY_2026,
     _DDS_OF_2026,
     reads_flow_rates=True,
+    checks_unused_gps=False,
+    keeps_origin=True,
 )
 
 # The branch is in no public copy that was read: its code is that of its branch point, b1571a08, with what release notes
@@ -174,6 +182,8 @@ STABLE_4_7: Final = Firmware(
     filters.STABLE_4_7,
     _DDS_OF_2026,
     reads_flow_rates=True,
+    checks_unused_gps=False,
+    keeps_origin=True,
 )
 
 APRIL_2026: Final = Firmware(
@@ -194,6 +204,8 @@ APRIL_2026: Final = Firmware(
     _DDS_OF_2026,
     ("EKF variance: over thresholds", "EKF variance: position lost"),
     reads_flow_rates=True,
+    checks_unused_gps=False,
+    keeps_origin=True,
 )
 
 PROFILES: Final[Mapping[str, Firmware]] = MappingProxyType(

@@ -198,7 +198,6 @@ _ARMING_LATER: Final = (*(row for row in copter.ARMING if row.name != "CHECK"), 
 
 # Since February 2026
 
-# FIRMWARE PARITY: with bits of AHRS_OPTIONS the firmware keeps its origin here and takes it from here; not so here.
 _ORIGIN: Final = (
     ParamInfo("ORIGIN_LAT", FLOAT, 0.0, "Latitude of the last origin", "deg", (-90.0, 90.0)),
     ParamInfo("ORIGIN_LON", FLOAT, 0.0, "Longitude of the last origin", "deg", (-180.0, 180.0)),

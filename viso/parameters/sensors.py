@@ -86,7 +86,12 @@ AHRS: Final = (
     ParamInfo("COMP_BETA", FLOAT, 0.1, "Crossover of airspeed and GPS in DCM's velocity", "", (0.001, 0.5)),
     ParamInfo("GPS_MINSATS", INT8, 6, "Satellites that DCM asks for", "", (0.0, 10.0)),
     ParamInfo("EKF_TYPE", INT8, 3, "Which estimator the vehicle uses", values=_EKF_TYPE),
-    ParamInfo("OPTIONS", INT16, 0, "When planes may fall back to DCM, a bit each"),
+    ParamInfo(
+        "OPTIONS",
+        INT16,
+        0,
+        "Bits: 0 and 1 when planes may fall back to DCM; since February 2026: 3 keep the origin, 4 use it without GPS",
+    ),
 )
 
 BATTERY: Final = (_enabling("MONITOR", 0, "Kind of battery monitor", _BATTERY),)

@@ -41,6 +41,7 @@ from viso.parameters.table import make_groups
 from viso.vehicle.config import VehicleConfig, bench
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.motors import frame_text
+from viso.vehicle.copter.origin import Origin
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
 from viso.vehicle.ftp import UartCounts, UartsText, VehicleFiles
 from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
@@ -148,6 +149,7 @@ class Vehicle:
         )
         self.ranges = MavlinkRanges(self.clock, self.params, self.logger, config.firmware.params.range_unit)
         self.battery_monitor = self.params.get_int("BATT_MONITOR")
+        self.origin = Origin(self)
         self.copter = Copter(self)
         self._last_location: Location | None = None
         self._internal_errors_told = 0
@@ -178,6 +180,7 @@ class Vehicle:
         after = [
             # It asks for an alignment at the next sample: to ask once before that is enough.
             Task("camera", self._align_camera, idle_until_us=always_idle),
+            Task("origin", self.origin.update, idle_until_us=self.origin.idle_until_us),
             Task("copter", copter.update, idle_until_us=copter.idle_until_us),
             Task("internal errors", self._tell_internal_errors, idle_until_us=self._errors_idle_until_us),
             Task("ground", copter.expect_ground, THROTTLE_PERIOD_US, copter.ground_idle_until_us, boot_us),
@@ -416,6 +419,7 @@ class Vehicle:
         if not self.ahrs.set_origin(location):
             return False
         self.log.place(ORGN_EKF, location)
+        self.origin.note(location)
         return True
 
     def last_location(self) -> Location | None:

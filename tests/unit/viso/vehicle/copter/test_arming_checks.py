@@ -11,8 +11,10 @@ from ap_core.internal_error import InternalError
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
+from ekf_stub.core.params import EkfSources
 from ekf_stub.inputs.measurements import GpsSample
 from ekf_stub.reports import FilterFlag, FilterStatus
+from viso.firmware.releases import JULY_2025, STABLE_4_7, Firmware
 from viso.logs.files import LogStoreError
 from viso.logs.logger import LogSink
 from viso.vehicle.copter.modes import ModeNumber
@@ -161,6 +163,22 @@ def test_mode_with_a_position_asks_how_good_a_gps_is(rig: "CopterRig", solution:
     assert failures(rig) == fails
     rig.params.set("ARMING_CHECK", VISION)
     assert failures(rig) == []
+
+
+@pytest.mark.parametrize(
+    ("firmware", "source", "fails"),
+    [(JULY_2025, 6, ["GPS 1: Bad fix"]), (STABLE_4_7, 6, []), (STABLE_4_7, 3, ["GPS 1: Bad fix"])],
+)
+def test_gps_that_is_not_used_matters_in_some_releases(
+    rig: "CopterRig", firmware: Firmware, source: int, fails: list[str]
+) -> None:
+    rig.ahrs.ekf_origin = PLACE
+    rig.copter.home.set(PLACE, lock=True)
+    rig.vehicle.firmware = firmware
+    rig.vehicle.sources = EkfSources(lambda name: source if name == "SRC1_POSXY" else 0)
+    rig.gps = fix(0)
+    rig.copter.set_mode(ModeNumber.LOITER)
+    assert failures(rig) == fails
 
 
 def test_dilution_is_looked_at_after_what_is_mandatory(rig: "CopterRig") -> None:
