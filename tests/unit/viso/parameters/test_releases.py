@@ -15,6 +15,7 @@ from tests.places import DATA, PARITY, RECORDED
 from tests.unit.viso.log_records import records
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
 from viso.parameters import flying
+from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
 
 LOGS: Final = {
@@ -155,5 +156,5 @@ def test_all_velocities_are_fused_by_default_up_to_4_6(firmware: Firmware, optio
 
 
 def test_range_on_the_ground_is_carried_over_from_4_6() -> None:
-    rename = JULY_2025.params.renames["RNGFND1_GNDCLEAR"]
+    rename = ALL_RENAMES["RNGFND1_GNDCLEAR"]
     assert (rename.new, rename.convert(25)) == ("RNGFND1_GNDCLR", 0.25)
