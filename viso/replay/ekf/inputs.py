@@ -5,11 +5,8 @@
 A value holds until the next record of its kind: most records are written only when they differ.
 """
 
-import math
 from collections.abc import Callable, Iterable
 from typing import Any, Final, Generic, NamedTuple, TypeVar
-
-import numpy as np
 
 from ap_core.cint import i32
 from ap_core.fmath import f32
@@ -19,12 +16,11 @@ from ekf_stub.core.core import AFFINITY_BARO, AFFINITY_GPS, AFFINITY_MAG
 from ekf_stub.core.imus import MAX_IMUS
 from ekf_stub.core.inertial import LOOP_DT
 from ekf_stub.core.inputs import Compasses, CompassReading
-from ekf_stub.inputs.measurements import FIX_3D, Array, FinderState, FlowMeasurement, GpsSample, RangeState, RangeStatus
+from ekf_stub.inputs.measurements import FIX_3D, FinderState, FlowMeasurement, GpsSample, RangeState, RangeStatus
 from ekf_stub.reports import Three
-from viso.logs.recorded import finite, instance, numbers, text, whole
+from viso.logs.recorded import finite, instance, numbers, whole
+from viso.logs.vehicle_log import ORGN_EKF
 
-_ORIGIN_SET: Final = " origin set"
-_ORIGIN_SETTLES_US: Final = 500_000  # until all cores have it
 _VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _LAG, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
 
 T = TypeVar("T")
@@ -281,31 +277,13 @@ class CoreInputs:
         return self._inputs.gps
 
 
-# The magnetic field at the origin, which the firmware reads from a world table
+# Where the origin is
 
 
-def declination_of(headings: Iterable[Any]) -> float | None:
-    """Return the first declination of some RMGH records; it is from the firmware's table once the origin is set."""
-    return next((declination for record in headings if (declination := finite(record, "Dec")[0])), None)
-
-
-def field_of(records: Iterable[Any], declination: float | None) -> Array | None:
-    """Return the earth's field of the firmware's table, Gauss, NED, which no replay record has.
-
-    The filter's estimate starts from it when the origin is set. XKF2 has that truncated to 1 mGauss. ``records`` are
-    the MSG and
-    XKF2 records of a log.
-    """
-    if declination is None:
-        return None
-    set_us: int | None = None
+def origin_of(records: Iterable[Any]) -> Location | None:
+    """Return the place of the filter's origin, by the ORGN records of a log; its height counts for nothing."""
     for record in records:
-        (time_us,) = whole(record, "TimeUS")
-        if record.get_type() == "MSG":
-            if set_us is None and text(record, "Message").endswith(_ORIGIN_SET):
-                set_us = time_us
-        elif set_us is not None and time_us > set_us + _ORIGIN_SETTLES_US:
-            north, east, down = (value + math.copysign(0.5, value) for value in whole(record, "MN", "ME", "MD"))
-            level = math.hypot(north, east)
-            return 0.001 * np.array([level * math.cos(declination), level * math.sin(declination), down])
+        if whole(record, "Type") == [ORGN_EKF]:
+            lat_deg, lng_deg = finite(record, "Lat", "Lng")
+            return Location(round(1e7 * lat_deg), round(1e7 * lng_deg), 0)
     return None

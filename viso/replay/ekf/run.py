@@ -25,8 +25,9 @@ from viso.logs.event_names import ERR_EKF_PRIMARY, EV_SOURCE_SET_1, EV_YAW_RESET
 from viso.logs.recorded import RecordError, finite, places_of, read_columns, records_in, text, whole
 from viso.logs.vehicle_log import ORGN_EKF
 from viso.parameters.left_out import left_out
+from viso.replay.ekf.earth_field import earth_field
 from viso.replay.ekf.frames import AFTER_THE_FILTER, Frames
-from viso.replay.ekf.inputs import declination_of, field_of
+from viso.replay.ekf.inputs import origin_of
 from viso.replay.ekf.output import EkfOutput
 from viso.replay.ekf.player import EkfPlayer
 
@@ -198,8 +199,8 @@ class EkfRun:
         self._has_estimates = bool(log.counts.get("XKF4"))
         self.judged_by = recorded_firmware(log, self._given)
         player.release = self.judged_by.firmware.ekf
-        player.place_declination = declination_of(records_in(log, ["RMGH"]))
-        player.place_field = field_of(records_in(log, ["MSG", "XKF2"]), player.place_declination)
+        origin = origin_of(records_in(log, ["ORGN"]))
+        player.place_field = None if origin is None else earth_field(1e-7 * origin.lat, 1e-7 * origin.lng)
         shown = 0
         problem = frames.problem()
         places = places_of(log, _READ)
