@@ -84,7 +84,7 @@ def further(*values: object) -> object:
         (FLD, "XNF-06", "error", "mirrored (x with the wrong sign)", "No FLOW_ORIENT_YAW mends that"),
         (f"kind: delay, {FLOW}, delay_ms: 130", "XNF-07", "warning", "comes 130 ms after", "FLOW_DELAY to about 80"),
         further(f"kind: delay, {FLOW}, delay_ms: 250", "XNF-07", "error", "comes 250 ms after", "about 127"),
-        (f"kind: rate, {FLOW}, rate_hz: 10", "XNF-09", "warning", "steps of 0.12 rad/s", "divided by the period"),
+        (f"kind: rate, {FLOW}, rate_hz: 10", "XNF-09", "warning", "steps of 0.12 rad/s", "in rad/s"),
         (f"kind: scale, {FLOW}, factor: 8", "XNF-10", "warning", "are above 2.5 rad/s", "Fly slower"),
         (f"kind: frozen, {FLOW}, start_s: 12", "XNF-11", "error", "the same flow for 12.0 s", "Restart"),
         (f"kind: fail, {RANGE}", "XNF-12", "warning", "no range of what looks down was heard", "looks down"),
