@@ -3,7 +3,7 @@
 """XNF: optical flow, and whether the filter can navigate by it."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
@@ -25,7 +25,7 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.flow_fit import FlowFit
 from viso.doctor.evidence.ground_sensors import FLOW, RANGE, FlowSeries, rates_by_driver
 from viso.doctor.evidence.own_filter import Witness
-from viso.doctor.evidence.tracks import Bools, Floats
+from viso.doctor.evidence.tracks import Bools
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 from viso.estimators.series import stretches_of
 
@@ -37,10 +37,13 @@ _LARGEST_SCALER: Final = 800
 
 _LATER: Final = "since 22 July 2025 (in 4.7)"
 _BY_PERIOD: Final = (
-    "Send flow_x and flow_y as the rate in rad/s divided by the period of the messages in s. Send them often and "
-    "evenly: a step of one is as many rad/s as the period has seconds."
+    "Send flow_x and flow_y as the rate in rad/s divided by the period of the messages in s, with FLOW_FXSCALER and "
+    "FLOW_FYSCALER 0. Send them often and evenly: a step of one is as many rad/s as the period has seconds."
 )
-_BY_RATE: Final = "Send flow_rate_x and flow_rate_y in rad/s: this release takes them as they are once one is not zero."
+_BY_RATE: Final = (
+    "Send flow_rate_x and flow_rate_y in rad/s, with FLOW_FXSCALER and FLOW_FYSCALER 0: this release takes them as "
+    "they are once one is not zero."
+)
 
 _MAV_DRIVER: Final = "AP_OpticalFlow_MAV.cpp, AP_OpticalFlow_MAV::update"
 _WRITE: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeOptFlowMeas"
@@ -242,16 +245,16 @@ def _scale_advice(evidence: Evidence, fit: FlowFit) -> str:
     if flow.takes_sent_rate.any():
         return (
             f"{firmware.name} takes flow_rate_x times (1 + FLOW_FXSCALER / 1000) as rad/s, whatever flow_x is: send "
-            f"flow_rate_x and flow_rate_y in rad/s{by_scaler}."
+            f"flow_rate_x and flow_rate_y in rad/s, with both scalers 0{by_scaler}."
         )
     right = (
         f"{firmware.name} takes flow_x times the time between messages ({_period_s(flow):.3g} s) times (1 + "
-        f"FLOW_FXSCALER / 1000) as rad/s: send flow_x and flow_y as rad/s divided by that time"
+        f"FLOW_FXSCALER / 1000) as rad/s: with both scalers 0 send flow_x and flow_y as rad/s divided by that time"
     )
     if flow.sent_rate is None or not flow.sent_rate.any():
         by_rate = ", or rad/s as flow_rate_x and flow_rate_y" if firmware.reads_flow_rates else ""
         return f"{right}{by_rate}{by_scaler}."
-    return f"{right}, and leave the scalers alone: {_LATER} they would scale flow_rate_x and flow_rate_y, which count."
+    return f"{right}. Scalers are no cure: {_LATER} they would scale flow_rate_x and flow_rate_y, which count."
 
 
 @check(
@@ -383,9 +386,9 @@ def flow_period(evidence: Evidence) -> Iterator[Sighting]:
         if flow.units is None or len(flow) < limits.FEWEST_FLOW or flow.takes_sent_rate.any():
             continue
         everything = np.ones(len(flow), np.bool_)
-        known, factor = _times_sent(flow, flow.rate)
         period_s = _period_s(flow)
-        if abs(factor - 1) > limits.FLOW_SCALE_OFF and not _is_right(evidence, flow):
+        if _is_misread(evidence, flow):
+            known, factor = _times_sent(flow, _scalers(evidence))
             text = (
                 f"of what flow_rate_x and flow_rate_y say {evidence.set_up.firmware.name} takes {factor:.3g} times as "
                 f"much; {_LATER} they are taken as they are"
@@ -398,22 +401,30 @@ def flow_period(evidence: Evidence) -> Iterator[Sighting]:
             yield in_records(text, flow, everything, severity, fix)
 
 
-def _is_right(evidence: Evidence, flow: FlowSeries) -> bool:
-    """Return whether the vehicle's motion makes just what the autopilot takes of a flow."""
-    return any(
-        fit.flow is flow and max(abs(factor - 1) for factor in fit.factors) <= limits.FLOW_SCALE_OFF
-        for fit in _fits(evidence, "flow")
-    )
+def _scalers(evidence: Evidence) -> Mapping[str, float]:
+    return {name: known_param(evidence, name) or 0.0 for name in ("FLOW_FXSCALER", "FLOW_FYSCALER")}
 
 
-def _times_sent(flow: FlowSeries, taken: Floats) -> tuple[Bools, float]:
-    """Return which messages have flow_rate_x and flow_rate_y, and how many times these some rates are.
+def _is_misread(evidence: Evidence, flow: FlowSeries) -> bool:
+    """Return whether flow_x and flow_y, as they are taken, contradict flow_rate_x and flow_rate_y.
 
-    The factor is 1 if too few messages have them.
+    They do not if they are what the vehicle's motion makes.
     """
-    if flow.sent_rate is None:
-        return np.zeros(len(flow), np.bool_), 1.0
-    sent = flow.sent_rate
+    _, factor = _times_sent(flow, _scalers(evidence))
+    fits = (fit for fit in _fits(evidence, "flow") if fit.flow is flow)
+    is_right = any(max(abs(one - 1) for one in fit.factors) <= limits.FLOW_SCALE_OFF for fit in fits)
+    return abs(factor - 1) > limits.FLOW_SCALE_OFF and not is_right
+
+
+def _times_sent(flow: FlowSeries, scalers: Mapping[str, float]) -> tuple[Bools, float]:
+    """Return which messages have flow_rate_x and flow_rate_y, and how many times these are taken by flow_x and flow_y.
+
+    ``scalers`` are FLOW_FXSCALER and FLOW_FYSCALER. The factor is 1 if too few messages have such rates.
+    """
+    none = np.zeros(len(flow), np.bool_)
+    if flow.units is None or flow.sent_rate is None:
+        return none, 1.0
+    sent, taken = flow.sent_rate, rates_by_driver(flow.units, flow.sent_rate, none, flow.time_us, scalers)
     known = np.asarray(np.isfinite(sent).all(axis=1) & (np.abs(sent).max(axis=1) > 0), dtype=np.bool_)
     size = float((sent[known] ** 2).sum())
     enough = known.sum() >= limits.FEWEST_FLOW
@@ -578,8 +589,8 @@ def flow_not_judged(evidence: Evidence) -> Iterator[Sighting]:
     fix=(
         "Send OPTICAL_FLOW instead, with FLOW_TYPE 5: as flow_rate_x and flow_rate_y integrated_x and integrated_y "
         "divided by integration_time_us * 1e-6 (rad/s, of the same signs), as flow_x and flow_y these rates divided by "
-        "the period of the messages in s, which earlier releases read, and the quality. Send the distance as "
-        "DISTANCE_SENSOR."
+        "the period of the messages in s, which earlier releases read, and the quality. Leave FLOW_FXSCALER and "
+        "FLOW_FYSCALER at 0. Send the distance as DISTANCE_SENSOR."
     ),
 )
 def flow_not_read(evidence: Evidence) -> Iterator[Sighting]:
@@ -604,21 +615,19 @@ def flow_not_read(evidence: Evidence) -> Iterator[Sighting]:
     source="AP_OpticalFlow_MAV.cpp, AP_OpticalFlow_MAV::handle_msg",
     fix=(
         "Send both, so that every release takes the same: flow_rate_x and flow_rate_y in rad/s, and flow_x and flow_y "
-        "as these rates divided by the period of the messages in s. replay --versus shows what two releases take."
+        "as these rates divided by the period of the messages in s, with FLOW_FXSCALER and FLOW_FYSCALER 0. replay "
+        "--versus shows what two releases take."
     ),
 )
 def flow_of_releases(evidence: Evidence) -> Iterator[Sighting]:
     for flow in evidence.vehicle.ground.flows:
-        if flow.units is None or flow.sent_rate is None:
-            continue
-        none = np.zeros(len(flow), np.bool_)
-        known, factor = _times_sent(flow, rates_by_driver(flow.units, flow.sent_rate, none, flow.time_us, {}))
+        known, factor = _times_sent(flow, {})  # the scalers are the same in all
         if abs(factor - 1) <= limits.FLOW_SCALE_OFF:
             continue
         if flow.takes_sent_rate.any():
             text = f"releases that read flow_x and flow_y, such as 4.6, would take {factor:.3g} times as much"
             yield in_records(text, flow, known)
-        elif _is_right(evidence, flow):
+        elif not _is_misread(evidence, flow):
             times = f"{1 / factor:.3g} times as much" if factor else "other flow"
             yield in_records(
                 f"releases that read flow_rate_x and flow_rate_y, such as 4.7, would take {times}", flow, known

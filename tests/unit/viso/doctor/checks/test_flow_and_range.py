@@ -173,7 +173,8 @@ def test_health_of_sensors_that_are_not_heard(healthy: int, found: Mapping[str, 
 def test_what_is_sent_in_flow_rate_alone_is_not_read(sound: Evidence) -> None:
     (flow,) = sound.vehicle.ground.flows
     assert flow.units is not None
-    sent = replace(flow, rate=np.zeros_like(flow.rate), sent_rate=flow.rate)
+    nothing = np.zeros_like(flow.rate)
+    sent = replace(flow, rate=nothing, units=nothing, sent_rate=flow.rate)
     finding = found_in(changed(sound, ground=replace(sound.vehicle.ground, flows=(sent,))))["XNF-09"]
     assert "takes 0 times as much" in finding.evidence
     assert finding.severity is Severity.ERROR
@@ -218,7 +219,7 @@ def test_flow_is_judged_as_the_release_reads_it() -> None:
     assert set(earlier) == {"XNF-05", "XNF-09", "XNF-14"}
     assert {earlier[code].severity for code in ("XNF-05", "XNF-09")} == {Severity.ERROR}
     assert earlier["XNF-05"].fix.startswith("4.6 takes flow_x times the time between messages (0.04 s) times (1 + FLOW")
-    assert "leave the scalers alone" in earlier["XNF-05"].fix
+    assert "Scalers are no cure" in earlier["XNF-05"].fix
 
 
 @pytest.mark.parametrize("name", [firmware.name for firmware in PROFILES.values()])
@@ -228,7 +229,7 @@ def test_scale_of_each_release_is_named_by_its_formula(name: str) -> None:
     if firmware.reads_flow_rates:
         assert fix == (
             f"{name} takes flow_rate_x times (1 + FLOW_FXSCALER / 1000) as rad/s, whatever flow_x is: send flow_rate_x "
-            "and flow_rate_y in rad/s, or set FLOW_FXSCALER 0 and FLOW_FYSCALER 0."
+            "and flow_rate_y in rad/s, with both scalers 0, or set FLOW_FXSCALER 0 and FLOW_FYSCALER 0."
         )
     else:
         assert fix.startswith(f"{name} takes flow_x times the time between messages (0.04 s)")
@@ -244,6 +245,21 @@ def test_flow_x_that_is_right_where_it_counts_is_no_error(sound: Evidence) -> No
     found = found_in(changed(sound, ground=ground, flow_fits=(replace(fit, flow=sent),)))
     assert list(found) == ["XNF-16"]
     assert "such as 4.7, would take 10 times as much" in found["XNF-16"].evidence
+
+
+def test_scalers_that_mend_flow_x_alone_are_warned_of() -> None:
+    found = flow_found("rates_beside_units", STABLE_4_6, FLOW_FXSCALER=-750, FLOW_FYSCALER=-750)
+    assert set(found) == {"XNF-14", "XNF-16"}
+    assert "such as 4.7, would take 0.251 times as much" in found["XNF-16"].evidence
+
+
+@pytest.mark.parametrize("firmware", PROFILES.values(), ids=lambda one: one.name)
+def test_flow_that_is_sent_as_the_fix_says_suits_every_release(firmware: Firmware) -> None:
+    def both(_time_us: int, flow: OPTICAL_FLOW) -> OPTICAL_FLOW:
+        turned = replace(flow, flow_x=flow.flow_y, flow_y=-flow.flow_x)
+        return replace(turned, flow_rate_x=turned.flow_x * FLOW_S, flow_rate_y=turned.flow_y * FLOW_S)
+
+    assert findings_of(evidence_of(with_flow(flight({"FLOW_ORIENT_YAW": 9000}), both), firmware)) == []
 
 
 def test_steps_of_flow_are_left_behind_by_rates_where_these_are_read(frames: list[Timed]) -> None:
