@@ -356,13 +356,13 @@ def _print_changes(
         about = {"stream": stream.name, **judged_by.as_dict(), "set": dict(changes)}
         out.print_json(data={**about, **both, **differs})
         return
-    out.print(str(judged_by))
     for part in (*setting_lines(changes, before), *replay_tables(comparison, with_filter=before.aiding is not None)):
         out.print(part)
     if merit is not None:
         out.print(merit_table(*merit.figures, merit.truth))
         for line in (*merit_lines(*merit.figures), *merit.doubts):
             out.print(line)
+    out.print(str(judged_by))
 
 
 def _print_versus(

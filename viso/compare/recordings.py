@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Recordings of an autopilot of any kind: the release that they name, and their agreement with a profile."""
 
-import calendar
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -58,18 +57,9 @@ def _first_line(path: Path) -> Any:
     raise InputError(f"{path}: empty")
 
 
-def release_in(text: str) -> JudgedBy | None:
-    """Return the release that a recording's firmware text names: month and year of a master, or a version."""
-    dates = ((one, calendar.month_name[int(one.date[5:])], one.date[:4]) for one in PROFILES.values())
-    by_month = next((one for one, month, year in dates if f"{month} {year}" in text), None)
-    flown = version_in(text)
-    if by_month is not None:
-        return JudgedBy(by_month, f"the recording says {text}")
-    return None if flown is None else profile_for(flown, ())
-
-
 def _of_header(path: Path) -> JudgedBy | None:
-    return release_in(str(_first_line(path).get("firmware", "")))
+    flown = version_in(str(_first_line(path).get("firmware", "")), "the recording")
+    return None if flown is None else profile_for(flown, ())
 
 
 def _of_capture(path: Path) -> JudgedBy | None:

@@ -91,14 +91,15 @@ class JudgedBy:
         return {"firmware": self.firmware.name, "firmware_reason": self.reason}
 
 
-def version_in(text: str) -> FlownVersion | None:
-    """Return the version that a text introduces a vehicle with; None of any other text."""
+def version_in(text: str, witness: str = "the banner") -> FlownVersion | None:
+    """Return the version that a text introduces a vehicle with; None of any other text. ``witness`` is what has it."""
     found = _BANNER.match(text)
     if found is None:
         return None
     vehicle, major, minor, stage, source_hash = found.groups()
     is_master = "-dev" in stage.lower()
-    return FlownVersion(text, vehicle.capitalize(), int(major), int(minor), (source_hash or "").lower(), is_master)
+    numbers, source_hash = (int(major), int(minor)), (source_hash or "").lower()
+    return FlownVersion(text, vehicle.capitalize(), *numbers, source_hash, is_master, witness)
 
 
 def version_of_number(sw_version: int, source_hash: str, vehicle: str) -> FlownVersion | None:
@@ -135,7 +136,7 @@ def _of_version(flown: FlownVersion, names: Container[str]) -> tuple[Firmware, s
     version = flown.major, flown.minor
     nearest = max((one.version for one in profiles if one.version <= version), default=profiles[0].version)
     fitting = [one for one in profiles if one.version == nearest]
-    exact = [one for one in fitting if one.source_hash == flown.source_hash]
+    exact = [one for one in fitting if one.source_hash == flown.source_hash or one.month in flown.text]
     if nearest == version and not flown.is_master:
         exact = exact or [one for one in fitting if one.release_type == OFFICIAL]
     if exact:
@@ -146,7 +147,8 @@ def _of_version(flown: FlownVersion, names: Container[str]) -> tuple[Firmware, s
     # The oldest that fits: a later one would be known by its parameters.
     chosen = min(fitting, key=lambda one: len(_foreign(one, names)))
     telling = _telling(chosen, fitting, names)
-    return chosen, f"{says}, and {f'it has {telling}' if telling else 'nothing tells which master that is'}"
+    how = f"it has {telling}" if telling else f"of its masters {chosen.name} is the oldest that is known here"
+    return chosen, f"{says}, and {how}"
 
 
 def _of_parameters(names: Container[str]) -> tuple[Firmware, str]:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The releases of the firmware that the emulator can be: one row each, with all that it does otherwise than others."""
 
+import calendar
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -95,6 +96,12 @@ class Firmware:
     def version(self) -> tuple[int, int]:
         """Return the version's major and minor number."""
         return self.major, self.minor
+
+    @property
+    def month(self) -> str:
+        """Return the date as recordings of a master name it, such as February 2026."""
+        year, month = self.date.split("-")
+        return f"{calendar.month_name[int(month)]} {year}"
 
     @property
     def banner(self) -> str:

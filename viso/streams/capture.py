@@ -8,6 +8,7 @@ from typing import Final
 from viso.documents import parsed_json
 from viso.errors import InputError
 from viso.files.text_files import read_lines
+from viso.firmware.flown import FlownVersion, version_in
 from viso.streams.stream import MAX_GAP_US, Stream, StreamMessage
 
 # The recording simulator applied this rate to its TCP port; a capture that knows its own says so.
@@ -21,14 +22,14 @@ def _number(value: object) -> float:
     return float(value)
 
 
-def _header(line: object) -> tuple[str, dict[str, float], int | None]:
+def _header(line: object) -> tuple[str, dict[str, float], int | None, FlownVersion | None]:
     if not isinstance(line, dict) or not isinstance(line.get("params"), dict):
         raise ValueError("the first line of a capture is an object with 'name' and 'params'")
     params = {str(name): _number(value) for name, value in line["params"].items()}
     baud = line.get("baud", CAPTURE_BAUD)
     if baud is not None and (type(baud) is not int or baud <= 0):
         raise ValueError(f"'baud' is not a rate: {baud!r}")
-    return str(line.get("name", "")), params, baud
+    return str(line.get("name", "")), params, baud, version_in(str(line.get("firmware", "")), "the recording")
 
 
 def _message(line: object) -> StreamMessage:
@@ -44,7 +45,7 @@ def _message(line: object) -> StreamMessage:
 
 def read_capture(path: Path) -> Stream:
     """Read a capture: a line that describes it, then a line a message. Raises InputError that names file and line."""
-    header: tuple[str, dict[str, float], int | None] | None = None
+    header: tuple[str, dict[str, float], int | None, FlownVersion | None] | None = None
     messages: list[StreamMessage] = []
     latest_us = 0
     for number, text in read_lines(path):
@@ -65,5 +66,5 @@ def read_capture(path: Path) -> Stream:
             raise InputError(f"{path}:{number}: {error}") from error
     if header is None:
         raise InputError(f"{path}: an empty capture")
-    name, params, baud = header
-    return Stream(name, tuple(messages), params, baud, shared_arrival=True)
+    name, params, baud, flown = header
+    return Stream(name, tuple(messages), params, baud, shared_arrival=True, flown=flown)

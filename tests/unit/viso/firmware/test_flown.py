@@ -85,13 +85,20 @@ OF_4_7 = ("ARMING_SKIPCHK", "EK3_FLOW_MAX", "MAV_GCS_SYSID_HI", "WP_SPD")
 @pytest.mark.parametrize(
     ("banner", "names", "expected", "reason"),
     [
+        ("ArduCopter 4.7.0-dev of February 2026, SITL", (), FEBRUARY_2026, ""),
+        ("ArduCopter 4.8.0-dev (April 2026) SITL", (), APRIL_2026, ""),
         ("ArduCopter V4.7.0 (11223344)", (), STABLE_4_7, ""),
         ("ArduCopter V4.7.0 (11223344)", OF_JULY, STABLE_4_7, ""),
         ("ArduCopter V4.7.1-beta1 (11223344)", (), STABLE_4_7, ""),
         ("ArduCopter V4.6.0 (11223344)", (), STABLE_4_6, ""),
         ("ArduCopter V4.7.0-dev (2b361bde)", OF_4_7, JULY_2025, ""),
         ("ArduCopter V4.7.0-dev (2f511151)", (), FEBRUARY_2026, ""),
-        ("ArduCopter V4.7.0-dev (11223344)", (), JULY_2025, ", and nothing tells which master that is"),
+        (
+            "ArduCopter V4.7.0-dev (11223344)",
+            (),
+            JULY_2025,
+            ", and of its masters 2025-07 is the oldest that is known here",
+        ),
         (
             "ArduCopter V4.7.0-dev (11223344)",
             OF_JULY,

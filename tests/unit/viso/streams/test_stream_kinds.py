@@ -12,6 +12,7 @@ import pytest
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import HEARTBEAT
 from viso.errors import InputError
+from viso.streams.heard import firmware_of_recording
 from viso.streams.stream_kinds import CAPTURE_BAUD, STREAM_KINDS, StreamMessage, TrajectoryOptions, kind_of, read_stream
 
 HEADER = {"name": "short", "params": {"VISO_TYPE": 1, "VISO_SCALE": 1.5}}
@@ -43,6 +44,22 @@ def test_capture_is_read(tmp_path: Path) -> None:
     assert stream.params == {"VISO_TYPE": 1.0, "VISO_SCALE": 1.5}
     assert stream.messages == (StreamMessage(None, FRAME), StreamMessage(5, FRAME), StreamMessage(5, FRAME))
     assert (stream.baud, stream.shared_arrival) == (CAPTURE_BAUD, True)
+
+
+@pytest.mark.parametrize(
+    ("told", "name"),
+    [
+        ("ArduCopter 4.7.0-dev SITL x86-64", "2025-07"),
+        ("ArduCopter 4.7.0-dev of February 2026, SITL x86-64", "2026-02"),
+        ("ArduCopter V4.7.0 (12345678)", "4.7"),
+        ("unknown", "4.7"),
+    ],
+)
+def test_capture_names_the_release_that_flew(tmp_path: Path, told: str, name: str) -> None:
+    stream = read_stream(capture(tmp_path, {**HEADER, "firmware": told}), 0)
+    judged_by = firmware_of_recording(stream)
+    assert judged_by.firmware.name == name
+    assert ("the recording says" in judged_by.reason) == (told != "unknown")
 
 
 def test_packed_capture_is_read(tmp_path: Path) -> None:
