@@ -3,14 +3,14 @@
 """Which release flew in a recording, and which profile stands for it."""
 
 import re
-from collections.abc import Container, Iterable, Iterator
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
-from ap_core.param import ParamTable
 from viso.firmware.releases import DEFAULT, OFFICIAL, PROFILES, Firmware
-from viso.parameters.releases import ALL_RENAMES, MAX_LINKS
+from viso.parameters.releases import MAX_LINKS
 from viso.parameters.table import make_groups
 
 COPTER: Final = "Copter"
@@ -24,11 +24,6 @@ _STAGES: Final = {0: "-dev", 64: "-alpha", 128: "-beta", 192: "-rc"}
 _LAST_WITHOUT_SOURCES: Final = (4, 0)
 _LAST_WITHOUT_QUALITY: Final = (4, 5)
 _NAMED_PARAMETERS: Final = 3
-_CHANGED_NAMES: Final = (
-    *(name for old, rename in ALL_RENAMES.items() for name in (old, rename.new)),
-    "MAV_GCS_SYSID_HI",
-)
-"""Names of parameters by which releases are told apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,22 +156,24 @@ def _of_parameters(names: Container[str]) -> tuple[Firmware, str]:
     return chosen, f"the recording does not name its release, {how}"
 
 
-def _foreign(firmware: Firmware, names: Container[str]) -> list[str]:
-    """Return recorded names by which a release does not call its parameters, but another one does."""
-    own = _parameters_of(firmware.name)
-    return [name for name in _CHANGED_NAMES if name in names and own.find(name) is None]
-
-
 @cache
-def _parameters_of(firmware: str) -> ParamTable:
-    return ParamTable(make_groups(MAX_LINKS, release=PROFILES[firmware].params))
+def _names_of(name: str) -> Mapping[str, None]:
+    """Return the names of a release's parameters, in their order."""
+    groups = make_groups(MAX_LINKS, None, PROFILES[name].params)
+    return dict.fromkeys(slot.name for group in groups for slot in group.slots)
+
+
+def _foreign(firmware: Firmware, names: Container[str]) -> list[str]:
+    """Return recorded names of parameters that a release does not have, but another one does."""
+    others = dict.fromkeys(name for one in PROFILES for name in _names_of(one))
+    return [name for name in others if name in names and name not in _names_of(firmware.name)]
 
 
 def _telling(firmware: Firmware, among: Iterable[Firmware], names: Container[str]) -> str:
-    """Return the recorded names that a release has and some of the others lack, a few of them."""
+    """Return a few of the recorded names that a release has and some of the others lack, the rarest first."""
     own = _foreign(firmware, names)
-    telling = dict.fromkeys(name for one in among for name in _foreign(one, names) if name not in own)
-    return ", ".join([*telling][:_NAMED_PARAMETERS])
+    telling = Counter(name for one in among for name in _foreign(one, names) if name not in own)
+    return ", ".join(name for name, _ in telling.most_common(_NAMED_PARAMETERS))
 
 
 def _notes(flown: FlownVersion | None, firmware: Firmware, names: Container[str]) -> Iterator[str]:

@@ -105,7 +105,7 @@ OF_4_7 = ("ARMING_SKIPCHK", "EK3_FLOW_MAX", "MAV_GCS_SYSID_HI", "WP_SPD")
             JULY_2025,
             ", and it has ARMING_CHECK, EK3_MAX_FLOW, WPNAV_SPEED",
         ),
-        ("ArduCopter V4.7.0-dev (11223344)", OF_4_7, STABLE_4_7, ", and it has ARMING_SKIPCHK, EK3_FLOW_MAX, WP_SPD"),
+        ("ArduCopter V4.7.0-dev (11223344)", OF_4_7, STABLE_4_7, ", and it has WP_SPD, ARMING_SKIPCHK, EK3_FLOW_MAX"),
         (
             "ArduCopter V4.7.0-dev (11223344)",
             OF_FEBRUARY,
@@ -133,9 +133,9 @@ def test_version_chooses_the_release(banner: str, names: tuple[str, ...], expect
         (("VISO_TYPE",), DEFAULT, "and this is the default"),
         (("SYSID_THISMAV", "ARMING_CHECK"), STABLE_4_6, "and has SYSID_THISMAV, ARMING_CHECK"),
         (("ARMING_CHECK",), STABLE_4_6, "and has ARMING_CHECK"),
-        (OF_JULY, JULY_2025, "and has MAV_SYSID, ARMING_CHECK, EK3_MAX_FLOW"),
+        (OF_JULY, JULY_2025, "and has ARMING_CHECK, EK3_MAX_FLOW, WPNAV_SPEED"),
         (OF_FEBRUARY, FEBRUARY_2026, "and has ARMING_SKIPCHK, EK3_FLOW_MAX, MAV_GCS_SYSID_HI"),
-        (OF_4_7, STABLE_4_7, "and has ARMING_SKIPCHK, EK3_FLOW_MAX, WP_SPD"),
+        (OF_4_7, STABLE_4_7, "and has WP_SPD, ARMING_SKIPCHK, EK3_FLOW_MAX"),
     ],
 )
 def test_parameters_choose_where_nothing_names_the_release(

@@ -108,6 +108,14 @@ def test_planted_fault_is_named(frames: list[Timed], fault: str, code: str, seve
     assert finding.severity == severity
 
 
+def test_flow_in_coarse_steps_is_named_in_a_release_that_divides_by_the_period(frames: list[Timed]) -> None:
+    slow = with_fault(frames, f"kind: rate, {FLOW}, rate_hz: 10")
+    finding = found_in(evidence_of(slow, JULY_2025))["XNF-09"]
+    assert "steps of 0.12 rad/s" in finding.evidence
+    assert "divided by the period" in finding.fix
+    assert finding.severity == "warning"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "params"),
