@@ -51,7 +51,7 @@ def vel_err_of_parameter(_vel_err: np.float32, vel_noise: np.float32, _consume: 
 def vel_err_of_message(vel_err: np.float32, vel_noise: np.float32, consume: bool) -> np.float32:
     """Return the velocity's own error, at least VISO_VEL_M_NSE if the velocity is used.
 
-    Source: AP_VisualOdom_MAV::handle_vision_speed_estimate, April 2026. NaN counts as less than any number.
+    Source: AP_VisualOdom_MAV::handle_vision_speed_estimate, since 2026-03-20. NaN counts as less than any number.
     """
     return np.fmax(vel_err, vel_noise) if consume else vel_err
 

@@ -21,7 +21,8 @@ ErrorFormula = Callable[[np.float32, np.float32, np.float32], np.float32]
 def cube_root_of_squares(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
     """Return the cube root of the sum of squared variances, which is not a standard deviation.
 
-    Source: GCS_Common.cpp, GCS_MAVLINK::handle_odometry and handle_common_vision_position_estimate_data, up to 2025.
+    Source: GCS_Common.cpp, GCS_MAVLINK::handle_odometry and handle_common_vision_position_estimate_data, up to
+    4.6 and in masters before 2026-02-05.
     """
     return cbrtf(a * a + b * b + c * c)
 
@@ -29,7 +30,7 @@ def cube_root_of_squares(a: np.float32, b: np.float32, c: np.float32) -> np.floa
 def root_of_sum(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
     """Return the root of the sum of variances: the standard deviation of the distance; NaN for a negative sum.
 
-    Source: the same functions, in the master of February 2026.
+    Source: the same functions, since then.
     """
     return sqrtf(a + b + c)
 
@@ -52,7 +53,7 @@ def velocity_error(covariance: Sequence[float]) -> np.float32:
 
     It is 0 when the first element is NaN, and NaN for a negative sum.
 
-    Source: GCS_MAVLINK::handle_vision_speed_estimate, in the master of April 2026.
+    Source: GCS_MAVLINK::handle_vision_speed_estimate, since 2026-03-20.
     """
     x, y, z = map(f32, (covariance[0], covariance[4], covariance[8]))
     return _ZERO if math.isnan(x) else root_of_sum(x, y, z)

@@ -48,9 +48,9 @@ from viso.doctor.checks import FAMILIES as DOCTOR_FAMILIES
 from viso.doctor.evidence.own_filter import Witness
 from viso.faults.fault import parameters_of
 from viso.faults.kinds import FAULTS
+from viso.firmware.changes import DIFFERENCES
 from viso.firmware.releases import PROFILES, Firmware
 from viso.geometry.frame_change import PRESETS as AXES
-from viso.parameters import sensors
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
 from viso.recording.outputs import FILES as RECORDING_FILES
@@ -232,116 +232,19 @@ def _stream_kinds() -> Iterator[tuple[str, ...]]:
         yield name, ", ".join(f"`{ending}`" for ending in row.endings), row.content, row.params
 
 
-_EKF_CHANGES: Final = {
-    "fuses_rest": ("EKF3 holds a vehicle that stands still to have no velocity", "recorded"),
-    "resets_height_by_its_source": ("aiding resets height only to the source of height", "recorded"),
-    "refuses_early_origin": ("an origin is refused until EKF3 has a state", "read"),
-    "relative_needs_no_yaw": ("relative aiding goes on without a source of yaw", "read"),
-    "learns_field_on_ground": ("EK3_MAG_CAL has 7", "read"),
-    "forgets_frozen": ("accelerometer biases that are not learned are apart from the others", "read"),
-    "gsf_asks_load": ("the GSF's tilt counts accelerometers below 1 g", "read"),
-    "weighs_as_gps": (
-        "what a camera says has the accuracies of a GPS that gives any",
-        "recorded, until 104c7f84bf of 2025-03-03",
-    ),
-    "scales_all_noise": (
-        "with few satellites a camera counts for less, too",
-        "recorded, until d74a457d7e of 2025-04-21",
-    ),
-    "fuses_any_climb": (
-        "vertical velocity is fused whatever EK3_SRCn_VELZ says",
-        "recorded, until 4d99848b44 of 2025-02-03",
-    ),
-    "keeps_compass": (
-        "on the ground a compass that stands in for another is kept",
-        "read, until c242e557bb of 2025-02-14",
-    ),
-    "lanes_are_automatic": (
-        "EK3_OPTIONS cannot leave the choice of cores to the user",
-        "read, until e45a7540af of 2025-03-26",
-    ),
-    "aligns_source_in_use": (
-        "EK3_SRC_OPTIONS aligns a camera to flow even if it is in use",
-        "read, until d2faaab299 of 2025-06-12",
-    ),
-}
-"""By attribute of FilterRelease, and whether recordings show it or the source was read."""
-
-
-_ORIGIN: Final = {
-    True: "Send GPS_GLOBAL_ORIGIN to the requester, and then the texts; all are told when home follows",
-    False: "Send the texts that setting the origin brought, and then GPS_GLOBAL_ORIGIN with the next pass, to all",
-}
-"""By EndpointRelease.sends_origin_at_once."""
-
-_FLOW: Final = {
-    True: "`flow_rate_x` and `flow_rate_y` in rad/s once one is not zero; before, as earlier releases (read)",
-    False: "`flow_x` and `flow_y` times the period",
-}
-"""By Firmware.reads_flow_rates."""
-
-
 def _firmware() -> Iterator[tuple[str, ...]]:
-    def row(what: str, cell: Callable[[Firmware], str]) -> tuple[str, ...]:
-        return what, *map(cell, PROFILES.values())
-
-    def said(strategy: object) -> str:
-        return first_line(strategy).rstrip(".").removeprefix("Return ")
+    def row(what: str, cell: Callable[[Firmware], str], source: str = "") -> tuple[str, ...]:
+        return what, *map(cell, PROFILES.values()), source
 
     yield row("since", lambda one: one.date)
     yield row("version text", lambda one: f"`{one.banner}`")
-    yield row("error from a covariance", lambda one: said(one.endpoint.error_formula))
-    yield row("covariance of ATT_POS_MOCAP", lambda one: said(one.endpoint.mocap_errors))
-    yield row("position alignment to the AHRS", lambda one: said(one.visual_odom.axes_to_align))
-    yield row("position of the MAV backend", lambda one: said(one.visual_odom.mav_position))
-    yield row("what cannot be read or set", lambda one: "PARAM_ERROR" if one.endpoint.tells_param_errors else "silence")
-    yield row("an origin that a client sets", lambda one: _ORIGIN[one.endpoint.sends_origin_at_once])
-    yield row("error of a velocity", lambda one: said(one.endpoint.velocity_error))
-    yield row("velocity's error in the MAV backend", lambda one: said(one.visual_odom.mav_vel_err))
-    yield row("field of HIGHRES_IMU", lambda one: f"mGauss times {one.endpoint.highres_field_scale:g}")
-    yield row("EKF failsafe", lambda one: " or ".join(f"`{text}`" for text in dict.fromkeys(one.variance_texts)))
-    yield row("flow of OPTICAL_FLOW", lambda one: _FLOW[one.reads_flow_rates])
-    yield row(
-        "FS_EKF_ACTION 0",
-        lambda one: "reports" if one.reports_ekf_failure else "lands, until 52363a564e of 2025-05-26",
-    )
-    yield row("covariances of an IMU on ROS 2", lambda one: f"begin with {one.dds.unknown_covariance:g}")
-    yield row(
-        "status on ROS 2 without a change",
-        lambda one: f"every {one.dds.status_again_ms} ms" if one.dds.status_again_ms else "no",
-    )
-    for name, (what, proof) in _EKF_CHANGES.items():
-        yield what, *(f"yes ({proof})" if getattr(one.ekf, name) else "no" for one in PROFILES.values())
-    yield row("EK3_SRC_OPTIONS by default", lambda one: f"{one.params.source_options}")
-    yield row(
-        "ranges for EKF3 and its log",
-        lambda one: "whole centimetres, until b633084df3 of 2024-10-11" if one.params.range_unit.is_cm else "metres",
-    )
-    yield row("system id", lambda one: f"`{one.endpoint.params.system_id}`")
-    yield row("ground station's id", lambda one: f"`{one.endpoint.params.ground_station_id}`")
-    yield row("last of several such ids", lambda one: f"`{one.endpoint.params.last_ground_station_id or '-'}`")
-    yield row("obey that alone", lambda one: f"`{one.endpoint.params.only_ground_station}`")
-    yield row("silence after start-up", lambda one: f"`{one.endpoint.params.telem_delay}`")
-    yield row("rates of the first link", lambda one: f"`{one.endpoint.params.stream_rate(0, '_...')}`")
-    yield row("options of a link", lambda one: said(one.endpoint.params.link_options))
-    yield row("arming checks", lambda one: f"`ARMING_{one.params.arming_check}`")
-    yield row(
-        "GPS that arming asks for, in modes with a position",
-        lambda one: "any" if one.checks_unused_gps else "one that the active source set uses",
-    )
-    yield row("origin kept in parameters", lambda one: "bits 3, 4 of `AHRS_OPTIONS`" if one.keeps_origin else "no")
-    yield row("parameters that others lack", lambda one: ", ".join(f"`{name}`" for name in _further(one)) or "none")
-    yield row("replay records of an event", lambda one: ", ".join(f"`{record.name}`" for record in one.event_order))
-    yield row("camera's place and delay in `RBOH`", lambda one: "yes" if one.log.fills_odometry else "0")
-    yield row("texts in a log", lambda one: f"`{one.log.message.labels}`")
-    yield row("version of the filter in a log", lambda one: f"{one.log.filter_version}")
-
-
-def _further(firmware: Firmware) -> Iterator[str]:
-    flow = [row for row in firmware.params.flow if row not in sensors.FLOW]
-    further = ("AHRS_", firmware.params.more_ahrs), ("STAT", firmware.params.more_stat), ("FLOW", flow)
-    for prefix, rows in further:
-        yield from (prefix + row.name for row in rows)
+    for topic, differences in itertools.groupby(DIFFERENCES, key=lambda one: one.topic):
+        yield (f"**{topic}**", *("" for _ in PROFILES), "")
+        for one in differences:
+            how = "" if one.is_recorded else " (read)"
+            yield row(
+                one.what, one.of, f"{'; '.join(f'`{change.revision}`, {change.date}' for change in one.upstream)}{how}"
+            )
 
 
 def _renames() -> Iterator[tuple[str, ...]]:
@@ -593,7 +496,7 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
         f"preset_{name.replace('-', '_')}": (("parameter", "why"), partial(_preset_values, path))
         for name, path in PRESETS.items()
     },
-    "firmware": (("", *(f"`{name}`" for name in PROFILES)), _firmware),
+    "firmware": (("", *(f"`{name}`" for name in PROFILES), "changed by"), _firmware),
     "renames": (("before", "name", "since", "value"), _renames),
     "axes": (("--axes", "world/body", "whose they are"), _axes),
     "trajectory_formats": (("--format", "a record", "who writes it"), _trajectory_formats),

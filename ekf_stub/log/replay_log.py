@@ -66,9 +66,9 @@ SOURCE_SET_1: Final = 13
 _EKF2_INITIALISES, _EKF3_INITIALISES, _EKF3_UPDATES, _EKF3_LOGS = 1, 4, 8, 32  # of RFRF.FTypes
 _FOR_BOTH: Final = frozenset((RESET_HEIGHT_DATUM, TERRAIN_STABLE, TERRAIN_UNSTABLE))
 EKF2_BEFORE_EKF3: Final = (REV2, REV3)
-"""In which order an event is logged for the two filters, in releases up to 2025."""
+"""In which order an event is logged for the two filters, in releases before 2026-02-02."""
 EKF3_BEFORE_EKF2: Final = (REV3, REV2)
-"""The same in the master of February 2026."""
+"""The same since."""
 USE_ACCEL: Final = 1 << 0  # of RISI.Flags
 USE_GYRO: Final = 1 << 1
 _ALL_GOOD: Final = 15  # both are used, and both gave data

@@ -84,10 +84,10 @@ MAV_NAMES: Final = EndpointParams(
     lambda index, row: f"MAV{index + 1}{row}",
     options_of_link,
 )
-"""Since 4.7."""
+"""Since 2025-04-07."""
 
 MAV_NAMES_WITH_RANGE: Final = replace(MAV_NAMES, last_ground_station_id="MAV_GCS_SYSID_HI")
-"""Since February 2026."""
+"""Since 2025-07-29."""
 
 SYSID_NAMES: Final = EndpointParams(
     "SYSID_THISMAV",

@@ -12,12 +12,20 @@ from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 import typer
 
 from viso.compare.merit import merit_rows
-from viso.compare.outputs import firmware_tables, merit_lines, merit_table, replay_tables, setting_lines
+from viso.compare.outputs import (
+    firmware_tables,
+    merit_lines,
+    merit_table,
+    release_lines,
+    replay_tables,
+    setting_lines,
+)
 from viso.compare.two_replays import compare_replays
 from viso.doctor.evidence.set_up import Assumed, fitting, vision_carried
 from viso.doctor.evidence.vehicle_position import PositionSeries, position_in
 from viso.errors import InputError
 from viso.files.text_files import write_text
+from viso.firmware.changes import differences_between
 from viso.firmware.flown import JudgedBy
 from viso.firmware.releases import Firmware
 from viso.geometry.frame_change import PRESETS as AXES
@@ -160,7 +168,7 @@ def replay(
     With --set the stream is replayed twice, and what differs is told: counts, the first messages that fare otherwise,
     texts, and when the filter navigates; at the end, figures of merit of both. Both vehicles have their parameters from
     boot on. With --versus the two are different firmware, and the errors that they work out are compared as well, with
-    --ekf the innovations too.
+    --ekf the innovations too; what is known to differ between them is told at the end, and since when.
 
     A trajectory is sent as a companion computer would send it; viso play has more ways to do so, and writes a .tlog.
 
@@ -379,10 +387,13 @@ def _print_versus(
             "innovations": [change.as_dict() for change in comparison.innovations],
         }
         firmware = dict(zip(both, names, strict=True))
-        about = {"stream": stream.name, "firmware": firmware, "firmware_reason": judged_by.reason}
+        known = [one.as_dict(judged_by.firmware, other) for one in differences_between(judged_by.firmware, other)]
+        about = {"stream": stream.name, "firmware": firmware, "firmware_reason": judged_by.reason, "known": known}
         out.print_json(data={**about, **both, "differs": differs})
         return
     out.print(f"before: firmware {names[0]}; after: firmware {names[1]}")
     out.print(str(judged_by))
     for part in (*firmware_tables(comparison), *replay_tables(comparison, with_filter=before.aiding is not None)):
         out.print(part)
+    for line in release_lines(judged_by.firmware, other):
+        out.print(line)

@@ -25,7 +25,8 @@ from viso.compare.two_replays import (
     TextChange,
 )
 from viso.files import html
-from viso.firmware.releases import PROFILES
+from viso.firmware.changes import differences_between
+from viso.firmware.releases import PROFILES, Firmware
 from viso.replay.figures import OBJECTIVES, Row
 from viso.replay.run import ReplayOutcome
 from viso.terminal.console import reason_of
@@ -146,6 +147,13 @@ def firmware_tables(comparison: ReplayComparison) -> Iterator[Table]:
         yield _error_table(comparison.errors)
     if comparison.innovations:
         yield _innovation_table(comparison.innovations)
+
+
+def release_lines(before: Firmware, after: Firmware) -> Iterator[str]:
+    """Yield what two releases are known to do otherwise, whether or not a stream shows it."""
+    rows = [row.as_dict(before, after) | {"source": row.source} for row in differences_between(before, after)]
+    yield f"known to differ between {before.name} and {after.name}{':' if rows else ': nothing but names and logs'}"
+    yield from ("- {topic}, {what}: {before} -> {after} ({source})".format(**row) for row in rows)
 
 
 def _count_columns(title: str, *names: str) -> Table:

@@ -35,7 +35,7 @@ OF: Final = LogStructure(180, "OF", "QBffff", "TimeUS,Qual,flowX,flowY,bodyX,bod
 LOG_STRUCTURE_FROM_GPS: Final = (GPS, GPA)
 
 MSG_NUMBERED: Final = LogStructure(59, "MSG", "QBBZ", "TimeUS,ID,Seq,Message", "s---", "F---")
-"""MSG since the end of 2025: a text has a number, and its pieces of 64 characters count from 0."""
+"""MSG since 2025-12-17: a text has a number, and its pieces of 64 characters count from 0."""
 
 
 @dataclass(frozen=True, slots=True)

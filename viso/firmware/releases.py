@@ -48,7 +48,7 @@ class Firmware:
 
     Attributes:
         name: as ``--firmware`` takes it.
-        date: when it came out, or of the master that it is: year and month.
+        date: when it came out, or of the master that it is: year, month and, where it is known, day.
         version_text: how it introduces itself.
         source_hash: 8 hex digits of its revision.
         major, minor, patch: version numbers.
@@ -100,7 +100,7 @@ class Firmware:
     @property
     def month(self) -> str:
         """Return the date as recordings of a master name it, such as February 2026."""
-        year, month = self.date.split("-")
+        year, month, *_ = self.date.split("-")
         return f"{calendar.month_name[int(month)]} {year}"
 
     @property
@@ -116,7 +116,7 @@ class Firmware:
 
 STABLE_4_6: Final = Firmware(
     "4.6",
-    "2025-11",
+    "2025-11-04",
     "ArduCopter V4.6.3",
     "3fc7011a",
     4,
@@ -134,7 +134,7 @@ STABLE_4_6: Final = Firmware(
 
 JULY_2025: Final = Firmware(
     "2025-07",
-    "2025-07",
+    "2025-07-21",
     "ArduCopter V4.7.0-dev",
     "2b361bde",
     4,
@@ -174,7 +174,7 @@ FEBRUARY_2026: Final = Firmware(
 # name of the master's commits since. The revision of 4.7.1 is that of its banner in public logs.
 STABLE_4_7: Final = Firmware(
     "4.7",
-    "2026-07",
+    "2026-07-14",
     "ArduCopter V4.7.1",
     "dbe79216",
     4,

@@ -118,10 +118,10 @@ def _source_set(number: int) -> tuple[ParamInfo, ...]:
 
 
 FLOW_LIMIT: Final = "MAX_FLOW"
-"""The limit of optical flow rates, up to July 2025."""
+"""The limit of optical flow rates, up to 2025-07-24."""
 
 FLOW_LIMIT_LATER: Final = "FLOW_MAX"
-"""The same in the master of February 2026."""
+"""The same since."""
 
 
 def make_ekf3_group(flow_limit: str = FLOW_LIMIT, source_options: int = 0) -> ParamGroup:

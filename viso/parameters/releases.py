@@ -196,7 +196,7 @@ _SKIPCHK: Final = ParamInfo(
 )
 _ARMING_LATER: Final = (*(row for row in copter.ARMING if row.name != "CHECK"), _SKIPCHK)
 
-# Since February 2026
+# Since the second half of 2025
 
 _ORIGIN: Final = (
     ParamInfo("ORIGIN_LAT", FLOAT, 0.0, "Latitude of the last origin", "deg", (-90.0, 90.0)),

@@ -148,7 +148,7 @@ FLOW_WITH_OPTIONS: Final = (
     *FLOW,
     ParamInfo("_OPTIONS", INT16, 0, "Bits: 0 roll and pitch of the sensor are stabilised, as on a gimbal"),
 )
-"""Since 22 July 2025."""
+"""Since 2025-07-22."""
 
 # The simulator's own camera (SITL/SIM_Vicon.cpp): ``viso serve --imu fly --vision vicon``.
 VICON_IN_4_6: Final = (
@@ -176,4 +176,4 @@ VICON_WITH_QUALITY: Final = (
     *VICON,
     ParamInfo("QUAL", INT8, 50, "Quality that ODOMETRY tells: -1 failed, 0 unknown, 1 to 100", "%"),
 )
-"""Since February 2026."""
+"""Since 2026-01-24."""

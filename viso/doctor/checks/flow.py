@@ -436,11 +436,11 @@ def _times_sent(flow: FlowSeries, scalers: Mapping[str, float]) -> tuple[Bools, 
     severity=Severity.WARNING,
     title="Flow faster than the filter accepts",
     firmware=(
-        "Flow of 4.2 rad/s and more is dropped, and flow above EK3_MAX_FLOW is not fused. Copter's controllers keep "
+        "Flow of 4.2 rad/s and more is dropped, and flow above EK3_FLOW_MAX is not fused. Copter's controllers keep "
         "the speed below that for the height that they know."
     ),
     source=_FUSE,
-    fix="Fly slower or higher, or set EK3_MAX_FLOW to what the sensor can.",
+    fix="Fly slower or higher, or set EK3_FLOW_MAX (up to 4.6 EK3_MAX_FLOW) to what the sensor can.",
     witness=Witness.LOG,
 )
 def flow_too_fast(evidence: Evidence) -> Iterator[Sighting]:

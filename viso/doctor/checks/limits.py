@@ -38,7 +38,7 @@ FLOW_AVERAGE_MS: Final = 50.0
 FLOW_DROPPED_RAD_S: Final = 4.2
 """NavEKF3_core::writeOptFlowMeas drops faster flow."""
 FLOW_FUSED_RAD_S: Final = 2.5
-"""The default of EK3_MAX_FLOW: faster flow is not fused."""
+"""The default of EK3_FLOW_MAX, EK3_MAX_FLOW before: faster flow is not fused."""
 RANGE_STALE_US: Final = 500_000
 """NavEKF3_core::selectHeightForFusion: without a good range for longer, the height comes from the barometer."""
 

@@ -164,11 +164,12 @@ def no_covariance(evidence: Evidence) -> Iterator[Sighting]:
     severity=Severity.NOTE,
     title="Noise floors hide the covariance",
     firmware=(
-        "The firmware makes one error of the variances, and raises it to the floor. Up to July 2025 the error is "
-        "the cube root of the sum of their squares. That is no standard deviation, and is smaller for small errors."
+        "The firmware makes one error of the variances, and raises it to the floor. Up to 4.6 the error is the "
+        "cube root of the sum of their squares. That is no standard deviation, and is smaller for small errors. "
+        "Since 4.7 it is the root of their sum."
     ),
     source=_CLAMP,
-    fix="To use the source's figures, lower the floor, and mind the cube root.",
+    fix="To use the source's figures, lower the floor; up to 4.6, mind the cube root.",
     needs={Aspect.COVARIANCE},
 )
 def covariance_below_floor(evidence: Evidence) -> Iterator[Sighting]:

@@ -13,6 +13,7 @@ from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import by_type, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.tracks import covariance_of
+from viso.firmware.changes import ERROR_FORMULA, MOCAP_ERRORS
 from viso.firmware.releases import PROFILES, Firmware
 from viso.streams.stream_kinds import Aspect
 
@@ -65,8 +66,8 @@ def _errors_text(errors: Errors) -> str:
     severity=Severity.NOTE,
     title="Errors depend on the release",
     firmware=(
-        "Up to July 2025 an error is the cube root of the sum of squared variances, since February 2026 the root of "
-        "their sum. The filter weighs samples by it."
+        "Up to 4.6 an error is the cube root of the sum of squared variances, since 4.7 the root of their sum "
+        f"(master's {ERROR_FORMULA.source}). The filter weighs samples by it."
     ),
     source="GCS_Common.cpp, GCS_MAVLINK::handle_odometry",
     fix="Name the release that flies with --firmware, and tune variances for it; replay --versus shows both.",
@@ -99,8 +100,8 @@ def _agree(errors_by: _ErrorsByRelease, message: object, here: Firmware, other: 
     severity=Severity.NOTE,
     title="This release does not read the covariance of motion capture",
     firmware=(
-        "Up to July 2025 the errors of ATT_POS_MOCAP are 0, raised to the floors; since February 2026 its "
-        "covariance is read."
+        "Up to 4.6 the errors of ATT_POS_MOCAP are 0, raised to the floors; since 4.7 its covariance is read "
+        f"(master's {MOCAP_ERRORS.source})."
     ),
     source="GCS_Common.cpp, GCS_MAVLINK::handle_att_pos_mocap",
     fix="Set VISO_POS_M_NSE and VISO_YAW_M_NSE to the accuracy of the source, or send ODOMETRY.",

@@ -40,6 +40,8 @@ def test_errors_that_differ_are_told_with_both_values(viso: "Viso", short: Path)
     assert change["before"] == pytest.approx([1.517, 1.130], abs=1e-3)
     assert change["after"] == pytest.approx([1.625, 1.380], abs=1e-3)
     assert told["differs"]["innovations"] == []  # they are told with the filter alone
+    assert told["firmware_reason"].startswith("the recording says ArduCopter 4.7.0-dev")
+    assert "error from a covariance" in [row["what"] for row in told["known"]]
 
 
 @pytest.mark.slow
@@ -48,6 +50,12 @@ def test_difference_is_told_to_people(viso: "Viso", short: Path) -> None:
     assert outcome.code == 0
     assert outcome.out.splitlines()[0] == "before: firmware 2026-02; after: firmware 4.6"
     assert "Errors of poses that differ" in outcome.out
+    assert "judged as 2026-02: it was asked for; the recording says ArduCopter 4.7.0-dev" in outcome.out
+    *_, known = outcome.out.partition("known to differ between 2026-02 and 4.6:\n")
+    assert (
+        "- MAVLink, covariance of ATT_POS_MOCAP: read, as that of ODOMETRY -> not read (ab0bd00d92, 2026-02-05)"
+        in known
+    )
 
 
 @pytest.mark.slow
@@ -68,6 +76,7 @@ def test_releases_that_agree_differ_in_nothing(viso: "Viso", short: Path) -> Non
     assert "Errors of poses" not in outcome.out
     assert "no verdict differs" in outcome.out
     assert "records" not in outcome.out
+    assert "known to differ between 4.6 and 2025-07: nothing but names and logs" in outcome.out
 
 
 @pytest.mark.slow

@@ -160,5 +160,5 @@ def test_further_release_is_an_autopilot_for_tests(further: Firmware) -> None:
 
 def test_further_release_has_its_column_in_the_documentation(further: Firmware) -> None:
     rows = list(make_docs.TABLES["firmware"][1]())
-    assert {len(row) for row in rows} == {1 + len(PROFILES)}
-    assert [row[-1] for row in rows if "0badcafe" in row[-1]] == ["`ArduCopter V9.8.7 (0badcafe)`"]
+    assert {len(row) for row in rows} == {2 + len(PROFILES)}
+    assert [row[-2] for row in rows if "0badcafe" in row[-2]] == ["`ArduCopter V9.8.7 (0badcafe)`"]
