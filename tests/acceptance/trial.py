@@ -12,9 +12,9 @@ import numpy as np
 from viso.companion.odometry.composer import LocalPose, OdometryComposer
 from viso.companion.sources.base import SourceError
 from viso.companion.sources.euroc import EurocRecording
-from viso.companion.trials.trial import EventSource, run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.result import Result
+from viso.companion.vio.runtime import EventSource, run_through
 from viso.companion.vio.types import ImuBias, VioState, WarmStartPose
 from viso.geometry.errors import AbsoluteError, EvaluationError, absolute_error
 from viso.geometry.pose import SE3

@@ -12,8 +12,7 @@ from ap_core.log_structure import LogStructure
 from ap_visualodom.log_structure import VISP
 from ekf_stub.core.samples import HALF_FILTER_STEP_MS
 from viso.companion.sender import Companion, OffsetClock
-from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
-from viso.companion.trials.scripted_flight import Flight, Vector
+from viso.companion.simulated_camera import CameraFaults, Flight, SimulatedCamera, Span, Vector
 from viso.demo.loop import ARM_DISARM, ORIGIN, RUN_PREARM_CHECKS, VehicleLoop
 from viso.demo.record import LoopRecord
 from viso.firmware.releases import DEFAULT, Firmware

@@ -17,9 +17,9 @@ from viso.companion.run.live import NOW_NS, LiveVio
 from viso.companion.run.log import VioLog
 from viso.companion.sources.base import Recording, SourceError
 from viso.companion.sources.camera import LiveCamera
-from viso.companion.trials.trial import run_through
 from viso.companion.vio.config import LocalAlignment, VioConfig
 from viso.companion.vio.log import JsonFormatter
+from viso.companion.vio.runtime import run_through
 from viso.companion.vio.types import NavCameraFrame, SensorEvent
 from viso.errors import InputError, as_input_errors
 from viso.files.text_files import write_text

@@ -12,8 +12,7 @@ import quaternion
 
 from mav_handlers.wire.messages import ODOMETRY
 from viso.companion.sender import OffsetClock
-from viso.companion.simulated_camera import CameraFaults, SimulatedCamera, Span
-from viso.companion.trials.scripted_flight import Flight
+from viso.companion.simulated_camera import CameraFaults, Flight, SimulatedCamera, Span
 
 FLIGHT = Flight(start_s=2.0, heading_rad=0.7)
 EXACT = SimulatedCamera(

@@ -15,7 +15,7 @@ import quaternion
 from ap_core.verdict import VerdictKind
 from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.reports import AidingMode, FilterFlag
-from viso.companion.trials.scripted_flight import Flight
+from viso.companion.simulated_camera import Flight
 from viso.compare import tolerances
 from viso.compare.estimates import compare_estimates
 from viso.demo.plot import save_plot

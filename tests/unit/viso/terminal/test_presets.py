@@ -15,8 +15,7 @@ from ap_core.parm_file import parse_parm
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.messages import ATT_POS_MOCAP, ODOMETRY, VISION_POSITION_ESTIMATE, Message
 from viso.companion.sender import Companion
-from viso.companion.simulated_camera import SimulatedCamera
-from viso.companion.trials.scripted_flight import Flight
+from viso.companion.simulated_camera import Flight, SimulatedCamera
 from viso.errors import InputError
 from viso.running.virtual_time import Scheduler
 from viso.terminal.settings import PRESETS, load_settings, preset_files, preset_title

@@ -25,7 +25,7 @@ from tests.unit.viso.companion.vio.strategy_rig import (
     make_output,
     make_warm_start,
 )
-from viso.companion.trials import trial
+from viso.companion.vio import runtime
 from viso.companion.vio.config import AglSource, VioConfig
 from viso.companion.vio.errors import VioFatalError
 from viso.companion.vio.health import FrameFacts
@@ -149,7 +149,7 @@ class Rig:
 @pytest.fixture
 def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
     rig = Rig()
-    monkeypatch.setattr(trial, "build_vio_strategy", rig.build)
+    monkeypatch.setattr(runtime, "build_vio_strategy", rig.build)
     return rig
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from viso.companion.trials.scripted_flight import Flight
+from viso.companion.simulated_camera import Flight
 
 FLIGHT = Flight(start_s=10.0)
 TIMES = st.floats(0.0, FLIGHT.end_s + 10)
