@@ -3,6 +3,7 @@
 """``viso vio``: visual-inertial odometry on recorded or live data."""
 
 import dataclasses
+import logging
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,25 +13,73 @@ import typer
 from rich.console import Console
 from rich.live import Live
 
-from viso.commands.vio_inputs import configured, known_truth, opened, rotation_of
 from viso.companion.run.log import VioLog, tum_lines
 from viso.companion.run.session import VioSession, event_logger
 from viso.companion.run.tables import live_table, summary_table
-from viso.companion.sources.base import Recording, SourceOptions
+from viso.companion.sources.base import Recording, SourceError, SourceOptions
 from viso.companion.sources.camera import LiveCamera
-from viso.companion.sources.kinds import SOURCES
-from viso.companion.vio.registry import STRATEGIES
+from viso.companion.sources.kinds import SOURCES, open_source
+from viso.companion.vio.config import ConfigError, VioConfig, load_config
+from viso.companion.vio.errors import StrategyNotAvailableError
+from viso.companion.vio.registry import STRATEGIES, build_vio_strategy
 from viso.companion.vio.types import VioState
-from viso.errors import InputError, within
+from viso.errors import InputError, as_input_errors, within
 from viso.files.text_files import write_text
+from viso.geometry.frame_change import parse_rotation
+from viso.geometry.rotation import Array
 from viso.geometry.trajectory import Trajectory
+from viso.geometry.trajectory_files import TrajectoryError
+from viso.streams.readers import Source, load_trajectory
 from viso.terminal.console import drawing, err, out
-from viso.terminal.engine import EngineOption
+from viso.terminal.engine import EngineOption, with_engine
 from viso.terminal.outputs import Output
 from viso.terminal.process import stop_on_signal
 
 LONGEST_S: Final = 4e9
 _LOST: Final = 1
+
+
+def rotation_of(text: str) -> Array:
+    """Return the rotation matrix that ``--mounting`` gives."""
+    try:
+        return parse_rotation(text)
+    except ValueError as error:
+        raise InputError(f"--mounting: {error}") from error
+
+
+def opened(options: SourceOptions, kind: str | None) -> Recording | LiveCamera:
+    """Open a source."""
+    with as_input_errors(SourceError):
+        return open_source(options, kind)
+
+
+def configured(
+    source: Recording | LiveCamera, file: Path | None, strategy: str | None, engine: str | None = None
+) -> VioConfig:
+    """Return the configuration of the file, or else of the source, with the given overrides.
+
+    Args:
+        strategy: replaces the configuration's.
+        engine: command that starts the engine's program.
+
+    Raises InputError if the file is invalid, or the strategy is not available.
+    """
+    with as_input_errors(ConfigError):
+        config = source.config if file is None else load_config(file)
+    config = with_engine(config, strategy, engine)
+    # Built once in advance, so that missing parts are reported before anything is opened.
+    silent = logging.Logger("viso.trying", logging.CRITICAL + 1)
+    with as_input_errors(ValueError, StrategyNotAvailableError):
+        build_vio_strategy(config, source.calibration, lambda: 0, silent).close()
+    return config
+
+
+def known_truth(source: Recording | LiveCamera, file: Path | None) -> Trajectory | None:
+    """Return the trajectory in a file, or the source's own."""
+    if file is None:
+        return source.poses if isinstance(source, Recording) else None
+    with as_input_errors(TrajectoryError):
+        return load_trajectory(Source(file))
 
 
 def _is_paced(source: Recording | LiveCamera, master: str | None, realtime: bool | None) -> bool:

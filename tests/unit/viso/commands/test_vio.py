@@ -20,7 +20,6 @@ from tests.places import ROOT
 from tests.unit.viso.command_line import Outcome, Viso, failed_with
 from tests.unit.viso.companion.sources.film_maker import write_calibration, write_film, write_inertial_csv
 from viso.commands import vio as vio_command
-from viso.commands import vio_inputs
 from viso.companion.run import session as vio_session
 from viso.companion.run.log import VioLog
 from viso.companion.sources.base import SourceOptions
@@ -281,7 +280,7 @@ def test_recorded_clip_is_followed(viso: Viso) -> None:
 def test_command_of_the_page_works(film: Viso, viso: Viso, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     # In the place of data and devices that only their owners have.
     ours = SourceOptions("film.avi", Path("small.toml"), Path("imu.csv"))
-    monkeypatch.setattr(vio_inputs, "open_source", lambda _options, _kind: open_source(ours))
+    monkeypatch.setattr(vio_command, "open_source", lambda _options, _kind: open_source(ours))
     _, wire = make_pair()
     monkeypatch.setattr(vio_session, "open_link", lambda _name: wire)
     for name in re.findall(r"--config (\S+)", command):

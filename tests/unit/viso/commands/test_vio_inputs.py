@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.unit.viso.companion.vio.strategy_rig import make_calibration
-from viso.commands.vio_inputs import configured, known_truth, opened, rotation_of
+from viso.commands.vio import configured, known_truth, opened, rotation_of
 from viso.companion.sources.base import Recording, SourceOptions
 from viso.companion.sources.camera import LiveCamera
 from viso.companion.vio.config import VioConfig
