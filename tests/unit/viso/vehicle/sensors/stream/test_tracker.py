@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ekf_stub.core.vectors import ONE, quat_of_euler
+from viso.vehicle.sensors.stream.follower import MAX_RATE, MAX_SPEED, StreamTracker
 from viso.vehicle.sensors.stream.imagined_vehicle import MAX_ACCEL, Movement
-from viso.vehicle.sensors.stream.tracker import MAX_RATE, MAX_SPEED, StreamTracker
 from viso.vehicle.sensors.vectors import ZERO, rotation_between
 
 REST = Movement(ZERO, ZERO, ZERO, ONE, ZERO)
