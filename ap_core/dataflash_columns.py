@@ -14,11 +14,10 @@ import numpy as np
 
 from ap_core.dataflash_dtype import Column, Records, shown
 from ap_core.dataflash_scan import Bytes, Chain, Formats, Layout, Lost, Offsets, lost_bytes, rows_at, scan
-from ap_core.log_structure import FMT, FMTU, MULT, UNIT
+from ap_core.log_structure import FMTU, MULT, UNIT
 
 # The prefixes that DFReader puts before a unit; other factors are written out.
 _PREFIXES: Final = {0.0: "", 1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "\u00b5", 1e-9: "n"}
-_DESCRIBING: Final = (FMT.name, FMTU.name, UNIT.name, MULT.name)
 _FILE: Final = "FILE"  # holds pieces of files, which are no texts
 
 
@@ -97,29 +96,6 @@ class LogColumns:
     def ill_described(self) -> Mapping[int, str]:
         """The reasons why types with an FMT cannot be read, by type number."""
         return MappingProxyType(self._formats.ill)
-
-    @property
-    def is_sound(self) -> bool:
-        """Whether every byte is in a record of a described type, and each type has one description."""
-        said = {record.tobytes() for record in self.records(FMT.name)}
-        return not self.lost and not self.ill_described and len(said) == len(self._descriptions())
-
-    def only(self, names: Iterable[str]) -> bytes:
-        """Return a sound log of the records of some types alone, in their order, after all FMT records."""
-        wanted = {*names, *_DESCRIBING}
-        numbers = [number for number, layout in self._formats.layouts.items() if layout.name in wanted]
-        kept = np.isin(self._chain.types, numbers) & (self._chain.types != FMT.msg_type)
-        begins, ends = self._chain.begins[kept], self._chain.ends[kept]
-        apart = np.flatnonzero(begins[1:] != ends[:-1])
-        runs = zip(begins[np.append(0, apart + 1)].tolist(), ends[np.append(apart, -1)].tolist(), strict=True)
-        kept_bytes = [self._data[begin:end].data for begin, end in runs] if len(begins) else []
-        return b"".join([*self._descriptions().values(), *kept_bytes])
-
-    def _descriptions(self) -> dict[int, bytes]:
-        """Return the valid FMT records, by the type that they describe."""
-        records = self.records(FMT.name)
-        latest = {int(number): record.tobytes() for number, record in zip(records["Type"], records, strict=True)}
-        return {number: record for number, record in latest.items() if number in self._formats.layouts}
 
     def units(self, name: str) -> dict[str, str]:
         """Return the units of a type's fields by label, multipliers included, as DFReader shows them.

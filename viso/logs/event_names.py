@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the numbers of EV and ERR mean (AP_Logger/AP_Logger.h: LogEvent, LogErrorSubsystem, LogErrorCode)."""
+"""What the numbers of EV, ERR and MODE mean (AP_Logger/AP_Logger.h: LogEvent, LogErrorSubsystem, LogErrorCode)."""
 
-from typing import Final
+from typing import Any, Final
 
 EV_ARMED: Final = 10
 EV_DISARMED: Final = 11
@@ -13,6 +13,11 @@ EV_SOURCE_SET_1: Final = 85
 ERR_EKFCHECK: Final = 16
 ERR_EKF_FAILSAFE: Final = 17
 ERR_EKF_PRIMARY: Final = 24
+
+_MAV_TYPE_PLANE: Final = 1
+# MAV_TYPE by a word of the banner, and by VER.BU.
+_VEHICLES_BY_WORD: Final = {"Rover": 10, "Plane": 1, "Copter": 2, "AntennaTracker": 5, "ArduSub": 12, "Blimp": 7}
+_VEHICLES_BY_BUILD: Final = {1: 10, 2: 2, 3: _MAV_TYPE_PLANE, 4: 5, 7: 12, 12: 7, 13: 4}
 
 _EVENTS: Final = {
     EV_ARMED: "armed",
@@ -91,3 +96,28 @@ def error_text(subsystem: int, code: int) -> str:
         return f"{name}: {code}"
     fallback = "resolved" if code == 0 else f"error {code}"
     return f"{name}: {_CODES.get((subsystem, code), fallback)}"
+
+
+class FlightModes:
+    """The names of flight modes in a log, by the kind of vehicle that wrote it; a plane's until the log says more."""
+
+    def __init__(self) -> None:
+        self._vehicle = _MAV_TYPE_PLANE
+
+    def take(self, record: Any) -> None:
+        """Learn the kind of vehicle from a MSG or VER record, if it says so."""
+        message = str(getattr(record, "Message", ""))
+        named = (kind for word, kind in _VEHICLES_BY_WORD.items() if word in message)
+        build: Any = getattr(record, "BU", None)
+        self._vehicle = next(named, _VEHICLES_BY_BUILD.get(build, self._vehicle))
+
+    def name(self, record: Any) -> str:
+        """Return the name of a MODE record's mode, "UNKNOWN" if it has none."""
+        # Imported where a log is read: it brings a dialect of its own, which would make every command start slower.
+        from pymavlink.mavutil import mode_mapping_bynumber
+
+        mode = getattr(record, "Mode", None)
+        if isinstance(mode, str):
+            return mode.upper()
+        names = mode_mapping_bynumber(self._vehicle) or {}
+        return str(names.get(getattr(record, "ModeNum", mode), "UNKNOWN"))

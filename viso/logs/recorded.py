@@ -3,13 +3,11 @@
 """Reads logs back: what a recorded AHRS needs, and numbers and texts out of records that may hold anything."""
 
 import math
-import sys
-import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -21,15 +19,9 @@ from ekf_stub.ahrs.ahrs_recorded import RecordedStates
 from mav_handlers.links.packed import open_packed
 from viso.errors import InputError
 
-if TYPE_CHECKING:
-    from pymavlink.DFReader import DFReader_binary
-
-T = TypeVar("T")
 Array = npt.NDArray[np.float64]
 
 _FIRST_BYTES: Final = bytes((HEAD_BYTE1, HEAD_BYTE2, FMT.msg_type))
-# For the mode and the time of day of a record; PARM is among them because flights change parameters.
-_FOLLOWED_BY_DFREADER: Final = ("GPS", "MODE", "MSG", "PARM", "STAT", "ORGN", "VER")
 _EKF3_INITIALISED: Final = "EKF3 IMU0 initialised"
 _HORIZONTAL_POSITION: Final = 1 << 3 | 1 << 4  # relative or absolute, of XKF4.SS
 _VERTICAL_POSITION: Final = 1 << 5
@@ -51,35 +43,8 @@ def _as_input_errors(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {error.strerror or error}") from error
     except InputError:
         raise
-    except Exception as error:  # DFReader raises whatever a damaged log provokes
+    except Exception as error:  # whatever a damaged log provokes
         raise InputError(f"{path}: not a DataFlash log: {error}") from error
-
-
-def _collect_by_dfreader(path: Path, collect: "Callable[[DFReader_binary], T]") -> T:
-    # Imported where a log is read: it brings a dialect of its own, which would make every command start slower.
-    from pymavlink.DFReader import DFReader_binary
-
-    # DFReader may print what it thinks of a log, which must not get into our output.
-    with redirect_stdout(sys.stderr), DFReader_binary(str(path)) as log:
-        return collect(log)
-
-
-def _collect_from_bytes(data: bytes, collect: "Callable[[DFReader_binary], T]") -> T:
-    # pymavlink maps files into memory.
-    with tempfile.NamedTemporaryFile(suffix=".BIN") as plain:
-        plain.write(data)
-        plain.flush()
-        return _collect_by_dfreader(Path(plain.name), collect)
-
-
-def read_log(path: Path, collect: "Callable[[DFReader_binary], T]") -> T:
-    """Return what ``collect`` makes of a log (.BIN or .BIN.xz) without its damage. Raises InputError if it is none."""
-    columns = read_columns(path)
-    if columns.is_sound and path.suffix != ".xz":
-        with _as_input_errors(path):
-            return _collect_by_dfreader(path, collect)
-    # DFReader never returns from a log in which damage has made up a type without length.
-    return read_kinds(path, columns, columns.types, collect)
 
 
 def read_columns(path: Path) -> LogColumns:
@@ -91,18 +56,8 @@ def read_columns(path: Path) -> LogColumns:
     return columns
 
 
-def read_kinds(path: Path, columns: LogColumns, kinds: Iterable[str], collect: "Callable[[DFReader_binary], T]") -> T:
-    """Return what ``collect`` makes of some kinds of records, one by one; the others are left out beforehand.
-
-    In most logs these are few: what is left is read many times faster. Damage is left out as well. ``collect`` is given
-    a log of those, and of what DFReader follows on its own account. Raises InputError if the log cannot be read.
-    """
-    with _as_input_errors(path):
-        return _collect_from_bytes(columns.only((*kinds, *_FOLLOWED_BY_DFREADER)), collect)
-
-
 class LogRecord(SimpleNamespace):
-    """A record as DFReader would give it: its fields by their labels."""
+    """A record as pymavlink's DFReader would give it: its fields by their labels."""
 
     def __init__(self, kind: str, fields: Mapping[str, Any]) -> None:
         super().__init__(**fields)
@@ -114,7 +69,7 @@ class LogRecord(SimpleNamespace):
 
 
 def records_in(log: LogColumns, kinds: Iterable[str]) -> Iterator[LogRecord]:
-    """Yield the records of some kinds in the log's order, many times faster than DFReader does."""
+    """Yield the records of some kinds in the log's order, many times faster than pymavlink's DFReader does."""
     present = [kind for kind in kinds if kind in log.counts]
     rows = [_rows(log, kind) for kind in present]
     owners = np.repeat(np.arange(len(present)), [log.counts[kind] for kind in present])

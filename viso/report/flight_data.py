@@ -3,7 +3,7 @@
 """What a report takes out of a DataFlash log, of the firmware or of this project."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +17,9 @@ from viso.doctor.evidence.vehicle_data import VehicleData, vehicle_in
 from viso.errors import InputError
 from viso.estimators.series import Array, Series, number_in, series_of
 from viso.firmware.flown import FlownVersion, version_in
-from viso.logs.event_names import ERR_EKF_PRIMARY, error_text, event_text
+from viso.logs.event_names import ERR_EKF_PRIMARY, FlightModes, error_text, event_text
 from viso.logs.filter_records import filter_records_in, parameters_in, table_with
-from viso.logs.recorded import read_columns, read_kinds
+from viso.logs.recorded import read_columns, records_in
 from viso.streams.flight_log import read_flight_log
 from viso.streams.stream import Stream
 
@@ -138,8 +138,7 @@ def read_material(path: Path, on_progress: Callable[[float], None]) -> Material:
         InputError: if it cannot be read.
     """
     columns = read_columns(path)
-    told = read_kinds(path, columns, _SPOKEN, lambda log: _collect(log, on_progress))
-    return _material(path, columns, told)
+    return _material(path, columns, list(_told(columns, on_progress)))
 
 
 def _stream(path: Path, columns: LogColumns) -> Stream:
@@ -153,22 +152,22 @@ def _stream(path: Path, columns: LogColumns) -> Stream:
     return Stream(path.name, (), params)
 
 
-def _taken(record: Any, mode_name: str) -> Happening | LoggedParameter | None:
+def _taken(record: Any, modes: FlightModes) -> Happening | LoggedParameter | None:
     kind = record.get_type()
     time_us = number_in(record, "TimeUS")
     if not math.isfinite(time_us):
         return None
     if kind != "PARM":
-        return _happening(kind, record, time_us * 1e-6, mode_name)
+        return _happening(kind, record, time_us * 1e-6, modes)
     name, value = str(getattr(record, "Name", "")), number_in(record, "Value")
     return LoggedParameter(time_us * 1e-6, name, value, number_in(record, "Default"))
 
 
-def _happening(kind: str, record: Any, time_s: float, mode_name: str) -> Happening:
+def _happening(kind: str, record: Any, time_s: float, modes: FlightModes) -> Happening:
     if kind == "MSG":
         return Happening(time_s, "text", str(getattr(record, "Message", "")))
     if kind == "MODE":
-        return Happening(time_s, "mode", mode_name, _whole(record, "ModeNum"))
+        return Happening(time_s, "mode", modes.name(record), _whole(record, "ModeNum"))
     if kind == "EV":
         number = _whole(record, "Id")
         return Happening(time_s, "event", event_text(number), number)
@@ -184,13 +183,18 @@ def _whole(record: Any, label: str) -> int:
     return int(value) if math.isfinite(value) else -1
 
 
-def _collect(log: Any, on_progress: Callable[[float], None]) -> list[Happening | LoggedParameter | None]:
-    told = []
-    while (record := log.recv_match(type=list(_SPOKEN))) is not None:
-        told.append(_taken(record, str(log.flightmode)))
-        if len(told) % _PROGRESS_EVERY == 0:
-            on_progress(float(log.percent))
-    return told
+def _told(log: LogColumns, on_progress: Callable[[float], None]) -> Iterator[Happening | LoggedParameter | None]:
+    modes = FlightModes()
+    kinds = (*_SPOKEN, "VER")
+    count = sum(log.counts.get(kind, 0) for kind in kinds)
+    for number, record in enumerate(records_in(log, kinds), 1):
+        kind = record.get_type()
+        if kind in ("MSG", "VER"):
+            modes.take(record)
+        if kind != "VER":
+            yield _taken(record, modes)
+        if number % _PROGRESS_EVERY == 0:
+            on_progress(100.0 * number / count)
 
 
 def _material(path: Path, log: LogColumns, told: Sequence[Happening | LoggedParameter | None]) -> Material:

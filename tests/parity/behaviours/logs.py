@@ -14,9 +14,9 @@ from typing import Any, Final
 
 import pytest
 
+from tests.dfreader import read_log
 from tests.places import PARITY
 from viso.compare.tolerances import BENCH, end_s, tolerances_of
-from viso.logs.recorded import read_log
 from viso.replay.ekf.run import EkfReplay, EkfRun
 
 SAME_TIME_S: Final = tolerances_of(BENCH)["MSG.TimeUS"].within

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
+from tests.dfreader import read_log
 from tests.places import RECORDED
 from tests.unit.viso.estimators.motions import integrated
 from viso.geometry.rotation import Array, quats_from_euler
-from viso.logs.recorded import read_log
 from viso.vehicle.sensors.flown.source import read_flight
 
 LOG = RECORDED / "logs" / "flight_t265.BIN.xz"

@@ -15,9 +15,10 @@ from ap_core.dataflash import DataFlashWriter
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ATT, COMMON_STRUCTURES, FMT, MSG
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US
+from tests.dfreader import read_log
 from tests.places import RECORDED
 from viso.errors import InputError
-from viso.logs.recorded import read_columns, read_kinds, read_log, read_recorded_states, records_in
+from viso.logs.recorded import read_columns, read_recorded_states, records_in
 
 FIRMWARE_LOG = RECORDED / "logs" / "t265.BIN.xz"
 
@@ -173,8 +174,12 @@ def test_damage_is_passed_over_without_a_word_on_standard_output(path: Path, cap
 def test_reader_says_nothing_of_damage(path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     sound = log_bytes(att(1000, 0, 0, 1))
     path.write_bytes(sound + b"damage" * 100 + sound + bytes((0xA3, 0x95, 250)) + b"damage" + sound[:-5])
-    assert read_log(path, kinds_of) == ["ATT 1000", "ATT 1000"]
+    assert records_of(path) == ["ATT 1000", "ATT 1000"]
     assert capfd.readouterr() == ("", "")
+
+
+def records_of(path: Path) -> list[str]:
+    return [f"{one.get_type()} {one.TimeUS}" for one in records_in(read_columns(path), ["ATT", "XKF4"])]
 
 
 def kinds_of(log: Any) -> list[str]:
@@ -192,25 +197,25 @@ def test_records_of_some_kinds_come_in_the_order_of_the_log(path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_kinds_are_read_as_from_the_whole_log() -> None:
-    columns = read_columns(FIRMWARE_LOG)
-    kept = read_kinds(FIRMWARE_LOG, columns, ["ATT", "XKF4"], kinds_of)
+def test_kinds_are_read_as_dfreader_reads_them() -> None:
+    counts = read_columns(FIRMWARE_LOG).counts
+    kept = records_of(FIRMWARE_LOG)
     assert kept == read_log(FIRMWARE_LOG, kinds_of)
-    assert len(kept) == columns.counts["ATT"] + columns.counts["XKF4"]
+    assert len(kept) == counts["ATT"] + counts["XKF4"]
 
 
 def test_kinds_are_read_past_damage(path: Path) -> None:
     path.write_bytes(log_bytes(att(1000, 0, 0, 1)) + bytes((0xA3, 0x95, 1)) + log_bytes(att(2000, 0, 0, 2)))
     columns = read_columns(path)
     assert [lost.size for lost in columns.lost] == [3]
-    assert read_kinds(path, columns, ["ATT"], kinds_of) == ["ATT 1000", "ATT 2000"]
+    assert records_of(path) == ["ATT 1000", "ATT 2000"]
 
 
 def test_log_with_a_type_without_length_is_read(path: Path) -> None:
     # DFReader reads a record of such a type for ever.
     described = FMT.pack((200, 0, "NONE", "", "")) + bytes((0xA3, 0x95, 200))
     path.write_bytes(log_bytes(att(1000, 0, 0, 1)) + described + log_bytes(att(2000, 0, 0, 2)))
-    assert read_log(path, kinds_of) == ["ATT 1000", "ATT 2000"]
+    assert records_of(path) == ["ATT 1000", "ATT 2000"]
 
 
 def test_log_as_columns_is_refused_like_any_other(path: Path) -> None:

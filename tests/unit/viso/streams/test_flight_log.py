@@ -24,12 +24,13 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from tests.dfreader import read_log
 from tests.places import RECORDED
 from tests.unit.viso.conftest import odometry
 from viso.errors import InputError
 from viso.firmware.flown import FlownVersion
 from viso.logs.logger import MemoryLog
-from viso.logs.recorded import read_log, read_recorded_states
+from viso.logs.recorded import read_recorded_states
 from viso.replay.feed import Replay
 from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig

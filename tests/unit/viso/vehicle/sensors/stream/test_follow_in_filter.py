@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from ekf_stub.reports import CoreReport
+from tests.dfreader import read_log
 from tests.places import RECORDED
 from tests.unit.viso.vehicle.sensors.conftest import LEVEL, LOOP_US, FilterLoop, Three, Wxyz, yawed
-from viso.logs.recorded import read_log
 from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.stream.follow import FollowSource
 
