@@ -14,13 +14,14 @@ from typing import Final
 import numpy as np
 import pytest
 
+from tests.ekf_replay import replay_ekf
 from tests.parity.behaviours.logs import Recordings, log_path, recordings_of_run
 from tests.places import PARITY
 from viso.compare.estimates import compare_estimates
 from viso.compare.logs import estimate_differences
 from viso.compare.tolerances import kind_of_log, log_name
 from viso.errors import InputError
-from viso.replay.ekf.run import EkfReplay, replay_ekf
+from viso.replay.ekf.run import EkfReplay
 
 NAMES: Final = sorted(f"{path.parts[-3]}/{log_name(path)}" for path in PARITY.glob("*/logs/*.BIN.xz"))
 """All logs, each after the release that the filter is then of."""

@@ -13,12 +13,12 @@ from typing import Any, Final
 import pytest
 
 from ap_visualodom.log_structure import VISP, VISV
+from tests.ekf_replay import replay_ekf
 from tests.places import PARITY
 from viso.compare.estimates import compare_estimates
 from viso.compare.tolerances import FLIGHT, end_s
 from viso.compare.vectors import line_differences
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
-from viso.replay.ekf.run import replay_ekf
 from viso.replay.feed import Replay
 from viso.replay.vectors import recompute
 from viso.streams.stream_kinds import read_stream

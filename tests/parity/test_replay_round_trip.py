@@ -28,11 +28,12 @@ from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import RESET_HEIGHT_DATUM, ReplayLog, VehicleFrame
 from ekf_stub.log.reporting import report_of
 from ekf_stub.reports import words_of
+from tests.ekf_replay import replay_ekf
 from viso.firmware.releases import JULY_2025
 from viso.logs.logger import STRUCTURES, Logger, MemoryLog
 from viso.parameters.ekf3 import FLOW_LIMIT_LATER
 from viso.parameters.table import make_groups
-from viso.replay.ekf.run import EkfReplay, replay_ekf
+from viso.replay.ekf.run import EkfReplay
 
 pytestmark = pytest.mark.slow
 

@@ -360,16 +360,3 @@ def _ours(report: CoreReport) -> dict[str, float]:
         *(*report.moved_ne, report.timeouts, report.flags),
     )
     return dict(zip(LABELS, values, strict=True))
-
-
-def replay_ekf(path: Path, *, until_s: float = math.inf, firmware: Firmware | None = None) -> EkfReplay:
-    """Run the first core of the filter over a log, up to a time since boot.
-
-    Raises InputError if the log cannot be read, or has no replay records, or no estimates.
-    """
-    run = EkfRun(path, until_s=until_s, core=0, firmware=firmware)
-    run.run()
-    replay = run.comparison()
-    if replay is None:
-        raise InputError(f"{path}: no XKF records to compare with")
-    return replay

@@ -16,12 +16,13 @@ import pytest
 from ap_core.dataflash import DataFlashWriter
 from ap_core.dataflash_dtype import texts_of
 from ap_core.log_structure import COMMON_STRUCTURES
+from tests.ekf_replay import replay_ekf
 from tests.places import RECORDED
 from viso.errors import InputError
 from viso.logs.logger import STRUCTURES
 from viso.logs.recorded import read_columns
 from viso.replay.ekf.player import EkfPlayer
-from viso.replay.ekf.run import LABELS, EkfRun, replay_ekf
+from viso.replay.ekf.run import LABELS, EkfRun
 
 Record = tuple[str, dict[str, Any]]
 Change = Callable[[str, dict[str, Any], int], Iterable[Record]]
