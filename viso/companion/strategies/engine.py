@@ -21,8 +21,8 @@ from viso.companion.engine.protocol import Capability, Estimate, KeyframeUpdate,
 from viso.companion.engine.session import EngineSession, stated_covariance
 from viso.companion.klt.front_end import WorkingImages, shrink_factor
 from viso.companion.msckf.heights import Heights
+from viso.companion.msckf.stillness import RestWatch
 from viso.companion.msckf.window_filter import sigma_of
-from viso.companion.strategies.at_rest import RestWatch
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, ImuNoise, Scene
 from viso.companion.vio.errors import VioFatalError

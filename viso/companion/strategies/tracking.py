@@ -16,7 +16,7 @@ from viso.companion.klt.front_end import FrontEnd, Keyframe, Sighting, WorkingIm
 from viso.companion.msckf.ground import Ground
 from viso.companion.msckf.heights import Heights
 from viso.companion.msckf.multi_state import Below, Plane
-from viso.companion.msckf.stillness import SPAN_NS, Stillness, stand_still
+from viso.companion.msckf.stillness import SPAN_NS, Stillness, stand_still, state_at_rest, turn_of_camera
 from viso.companion.msckf.window_filter import (
     POS,
     START_SIGMAS,
@@ -26,7 +26,6 @@ from viso.companion.msckf.window_filter import (
     invariant_cov,
     sigma_of,
 )
-from viso.companion.strategies.at_rest import state_at_rest, turn_of_camera
 from viso.companion.vio.calibration import scaled
 from viso.companion.vio.config import AglSource, Scene
 from viso.companion.vio.health import FrameFacts, Growth
