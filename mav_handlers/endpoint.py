@@ -25,6 +25,7 @@ from ap_core.verdict import Verdict, VerdictKind
 from mav_handlers.channel import Channel, Context, Rest, TransmitReserve
 from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
 from mav_handlers.handlers.clocks import send_timesync, timesync_due_us
+from mav_handlers.handlers.commands import MavCmd, MavResult
 from mav_handlers.params.names import OPTION_PRIVATE
 from mav_handlers.params.reads import NO_INDEX, ParamReads
 from mav_handlers.radio import RadioLink
@@ -45,7 +46,7 @@ from mav_handlers.verdicts import (
     UNREAD_FLOW,
 )
 from mav_handlers.wire.codec import BadData, Codec, Header, Received
-from mav_handlers.wire.messages import FILE_TRANSFER_PROTOCOL, PARAM_VALUE, Message
+from mav_handlers.wire.messages import COMMAND_ACK, FILE_TRANSFER_PROTOCOL, PARAM_VALUE, Message
 
 if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle
@@ -98,6 +99,7 @@ class MavEndpoint:
         self._texts_go_first = False
         self._reserve = TransmitReserve()
         self._rest = Rest()
+        self.calibrating: tuple[Channel, Header] | None = None
         self.param_reads = ParamReads(tells_errors=vehicle.release.tells_param_errors)
         self.radio = RadioLink()
         self._sending = Sending(vehicle, self.param_reads, self.radio)
@@ -135,7 +137,7 @@ class MavEndpoint:
         self._rest.end()
         self._private = self._private_of_channels()
         self._told_system_id = None
-        channel.card_intervals_ms = by_name(self._message_intervals.get(port, {}))
+        channel.card_intervals_ms = by_name(self._vehicle.release, self._message_intervals.get(port, {}))
         set_defaults(self._vehicle, channel, now_us)
         self.signing.open_link(channel)
         return channel
@@ -283,6 +285,14 @@ class MavEndpoint:
         if channel.has_room():
             armed, heartbeat_us = self._vehicle.copter.is_armed(), channel.heartbeat_sent_us
             channel.send(*self._log_transfer.pump(channel.index, now_us, armed=armed, heartbeat_us=heartbeat_us))
+
+    def conclude(self) -> None:
+        """Acknowledge a calibration that was in progress, as once a second (GCS_MAVLINK_InProgress::check_tasks)."""
+        if self.calibrating is not None:
+            channel, asker = self.calibrating
+            sender = asker.system_id, asker.component_id
+            channel.send(COMMAND_ACK(MavCmd.PREFLIGHT_CALIBRATION, MavResult.ACCEPTED, 0, 0, *sender))
+            self.calibrating = None
 
     def poll(self, now_us: int) -> None:
         """Send what is due: texts, parameters, periodic and requested messages."""

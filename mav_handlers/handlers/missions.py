@@ -58,20 +58,24 @@ class MissionResult(IntEnum):
 class Mission:
     """Holds home, the first item of every mission, and nothing else.
 
+    Args:
+        counts_home: whether home counts as an item (``EndpointRelease.counts_home``).
+
     Attributes:
-        item_count: 1 once home is set; 0 before, and after the mission was cleared.
+        item_count: 1 once home is set, if it counts; 0 before, and after the mission was cleared.
         warned_of_request: the text that recommends MISSION_REQUEST_INT was sent.
         warned_of_item: the text that recommends MISSION_ITEM_INT was sent.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, counts_home: bool = True) -> None:
+        self._counts_home = counts_home
         self.item_count = 0
         self.warned_of_request = False
         self.warned_of_item = False
 
     def add_home(self) -> None:
         """Store home as the first item (AP_Mission::write_home_to_storage)."""
-        self.item_count = 1
+        self.item_count = int(self._counts_home)
 
     def clear(self) -> None:
         """Delete all items; home returns when it is next set (AP_Mission::clear)."""
@@ -169,6 +173,18 @@ def _has_item(message: MISSION_REQUEST | MISSION_REQUEST_INT) -> bool:
     return message.mission_type == MissionType.MISSION and message.seq == 0
 
 
+def _no_such_item(ctx: Context, message: MISSION_REQUEST | MISSION_REQUEST_INT, *, sends_count: bool) -> Verdict:
+    # MissionItemProtocol::handle_mission_request_int, handle_mission_request and get_item
+    result = MissionResult.INVALID_SEQUENCE
+    if ctx.vehicle.release.tells_bad_items_by_type:
+        sends_count = message.mission_type == MissionType.MISSION
+        if sends_count or (message.mission_type == MissionType.FENCE and message.seq == 0):
+            result = MissionResult.ERROR
+    if sends_count:
+        _send_count(ctx, message.mission_type)
+    return _acknowledge(ctx, result, message.mission_type)
+
+
 def _home(ctx: Context) -> tuple[Location, np.float32]:
     home = ctx.vehicle.copter.home.place or Location(0, 0, 0)
     return home, f32(f32(home.alt_cm) * _CENTI)
@@ -180,8 +196,7 @@ def handle_mission_request_int(ctx: Context, message: MISSION_REQUEST_INT) -> Ve
     if refusal is not None:
         return refusal
     if not _has_item(message):
-        _send_count(ctx, message.mission_type)
-        return _acknowledge(ctx, MissionResult.INVALID_SEQUENCE, message.mission_type)
+        return _no_such_item(ctx, message, sends_count=True)
     home, alt_m = _home(ctx)
     sender = ctx.header.system_id, ctx.header.component_id
     command = MAV_FRAME_GLOBAL, MAV_CMD_NAV_WAYPOINT
@@ -195,7 +210,7 @@ def handle_mission_request(ctx: Context, message: MISSION_REQUEST) -> Verdict:
     if refusal is not None:
         return refusal
     if not _has_item(message):
-        return _acknowledge(ctx, MissionResult.INVALID_SEQUENCE, message.mission_type)
+        return _no_such_item(ctx, message, sends_count=False)
     mission = ctx.vehicle.copter.mission
     if not mission.warned_of_request:
         mission.warned_of_request = True

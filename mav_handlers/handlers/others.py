@@ -16,7 +16,7 @@ from mav_handlers.handlers.commands.results import MavResult
 from mav_handlers.params.names import OPTION_NO_STREAM_REQUESTS
 from mav_handlers.radio import adapted_slowdown_ms
 from mav_handlers.senders import STREAM_GROUPS
-from mav_handlers.senders.intervals import ADSB_GROUP, set_interval, stream_interval_ms
+from mav_handlers.senders.intervals import ADSB_GROUP, StreamGroup, set_interval, stream_interval_ms, streamed
 from mav_handlers.verdicts import HANDLED, MODE_REFUSED, ORIGIN_REFUSED
 from mav_handlers.wire.messages import (
     AUTOPILOT_VERSION_REQUEST,
@@ -59,6 +59,9 @@ def handle_set_gps_global_origin(ctx: Context, message: SET_GPS_GLOBAL_ORIGIN) -
 
     Source: GCS_MAVLINK::handle_set_gps_global_origin.
     """
+    most_mm = ctx.vehicle.release.most_origin_alt_mm
+    if most_mm is not None and abs(message.altitude) > most_mm:
+        return ORIGIN_REFUSED
     alt_cm = int_of_float(float(np.float32(message.altitude) * np.float32(0.1)))
     location = Location(message.latitude, message.longitude, alt_cm)
     return HANDLED if set_ekf_origin(ctx, location) is OriginResult.SET else ORIGIN_REFUSED
@@ -90,10 +93,10 @@ def _options(ctx: Context) -> int:
     return ctx.vehicle.release.params.link_options(ctx.vehicle.params, ctx.channel.port)
 
 
-def _set_rate(ctx: Context, group: tuple[str, tuple[str, ...]], rate_hz: int) -> None:
-    suffix, names = group
-    ctx.vehicle.params.set(ctx.vehicle.release.params.stream_rate(ctx.channel.port, suffix), rate_hz)
-    for name in names:
+def _set_rate(ctx: Context, group: StreamGroup, rate_hz: int) -> None:
+    release = ctx.vehicle.release
+    ctx.vehicle.params.set(release.params.stream_rate(ctx.channel.port, group[0]), rate_hz)
+    for name in streamed(release, group):
         set_interval(ctx.channel, name, stream_interval_ms(rate_hz), ctx.now_us)
 
 

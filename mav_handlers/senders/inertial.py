@@ -38,7 +38,6 @@ PRESSURE_HPA: Final = float(f32(945.02828125))
 TEMPERATURE_CDEG: Final = 3100
 # Fields of HIGHRES_IMU: accelerometers and gyros, magnetometers, barometer and temperature.
 _ACCEL_AND_GYRO_UPDATED: Final = 0x3F
-_MAG_UPDATED: Final = 0x1C0
 _BARO_UPDATED: Final = 0x1E00
 _THOUSAND: Final = f32(1000)
 
@@ -98,7 +97,7 @@ def highres_imu(vehicle: Vehicle, _channel: Channel, now_us: int) -> HIGHRES_IMU
     The field is in Gauss or in thousandths of a milligauss, as the release has it, whatever the message's definition
     says. Source: GCS_MAVLINK::send_highres_imu.
     """
-    updated = _ACCEL_AND_GYRO_UPDATED | _BARO_UPDATED | (_MAG_UPDATED if _has_compass(vehicle) else 0)
+    updated = vehicle.release.all_sensors_updated if _has_compass(vehicle) else _ACCEL_AND_GYRO_UPDATED | _BARO_UPDATED
     return HIGHRES_IMU(
         now_us,
         *floats(accel_mss(vehicle)),

@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeGuard
 
 from mav_handlers.channel import MAX_INTERVAL_MS, Channel
+from mav_handlers.release import EndpointRelease
 from mav_handlers.schedule import DEFERRED, NEXT_PARAM
 from mav_handlers.senders import SENDERS, STREAM_GROUPS
 from mav_handlers.wire.codec import message_name
@@ -21,6 +22,9 @@ HEARTBEAT_INTERVAL_MS: Final = 1000
 HIGH_LATENCY2_INTERVAL_MS: Final = 5000
 PARAMS_INTERVAL_MS: Final = 100
 PARAMS_MAX_INTERVAL_MS: Final = 1000
+
+StreamGroup = tuple[str, tuple[str, ...]]
+"""The suffix of a group's parameter, and its messages."""
 
 # Groups without an id of their own: the suffix of their parameter, and their messages.
 PARAMS_GROUP: Final = ("_PARAMS", (NEXT_PARAM, "AVAILABLE_MODES"))
@@ -42,9 +46,19 @@ def stream_interval_ms(rate_hz: int) -> int | None:
     return interval_ms if rate_hz > 0 else MAX_INTERVAL_MS
 
 
-def _boot_groups() -> Iterator[tuple[str, tuple[str, ...]]]:
-    yield from (STREAM_GROUPS[stream_id] for stream_id in _BOOT_ORDER)
-    yield from (PARAMS_GROUP, ADSB_GROUP)
+def can_send(name: str | None, release: EndpointRelease) -> TypeGuard[str]:
+    """Return whether there is a message of that name, and the release can send it."""
+    return name in SENDERS and name not in release.unknown_messages
+
+
+def streamed(release: EndpointRelease, group: StreamGroup) -> Iterator[str]:
+    """Yield the messages of a stream group that a release sends with it."""
+    return (name for name in group[1] if release.streams(name))
+
+
+def _boot_groups(release: EndpointRelease) -> Iterator[tuple[str, tuple[str, ...]]]:
+    for group in (*(STREAM_GROUPS[stream_id] for stream_id in _BOOT_ORDER), PARAMS_GROUP, ADSB_GROUP):
+        yield group[0], (*streamed(release, group),)
 
 
 def _group_interval_ms(vehicle: Vehicle, channel: Channel, suffix: str) -> int | None:
@@ -63,16 +77,16 @@ def default_interval_ms(vehicle: Vehicle, channel: Channel, name: str) -> int | 
         return HIGH_LATENCY2_INTERVAL_MS
     if name in channel.card_intervals_ms:
         return channel.card_intervals_ms[name] or None
-    for suffix, names in _boot_groups():
+    for suffix, names in _boot_groups(vehicle.release):
         if name in names:
             return _group_interval_ms(vehicle, channel, suffix)
     return None
 
 
-def by_name(intervals_ms: Mapping[int, int]) -> dict[str, int]:
+def by_name(release: EndpointRelease, intervals_ms: Mapping[int, int]) -> dict[str, int]:
     """Convert intervals by message id to intervals by name, without messages that cannot be sent."""
     names = {message_id: message_name(message_id) for message_id in intervals_ms}
-    return {name: intervals_ms[number] for number, name in names.items() if name is not None and name in SENDERS}
+    return {name: intervals_ms[number] for number, name in names.items() if can_send(name, release)}
 
 
 def set_interval(channel: Channel, name: str, interval_ms: int | None, now_us: int) -> None:
@@ -95,7 +109,7 @@ def set_defaults(vehicle: Vehicle, channel: Channel, now_us: int) -> None:
 
     Source: GCS_MAVLINK::initialise_message_intervals_from_streamrates, initialise_message_intervals_from_config_files.
     """
-    for suffix, names in _boot_groups():
+    for suffix, names in _boot_groups(vehicle.release):
         interval_ms = _group_interval_ms(vehicle, channel, suffix)
         for name in names:
             set_interval(channel, name, interval_ms, now_us)

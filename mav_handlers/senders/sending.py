@@ -84,4 +84,6 @@ class Sending:
 
     def _is_delayed(self, now_us: int) -> bool:
         # The delay counts "seconds" of 1024 ms.
-        return (now_us // 1000) >> 10 < self.vehicle.params.get_int(self.vehicle.release.params.telem_delay)
+        release = self.vehicle.release
+        delay = self.vehicle.params.get_int(release.params.telem_delay) + release.telem_delay_more
+        return (now_us // 1000) >> 10 < delay

@@ -107,7 +107,7 @@ def sys_status(vehicle: Vehicle, channel: Channel, _now_us: int) -> SYS_STATUS |
     """
     if not vehicle.copter.has_booted:
         return None
-    errors = vehicle.internal_errors
+    errors, counts = vehicle.internal_errors, vehicle.release.counts_drops
     return SYS_STATUS(
         *sensor_bits(vehicle),
         load=_BENCH_LOAD,
@@ -115,9 +115,9 @@ def sys_status(vehicle: Vehicle, channel: Channel, _now_us: int) -> SYS_STATUS |
         current_battery=_NO_CURRENT,
         battery_remaining=BATTERY_REMAINING_PCT,
         drop_rate_comm=0,
-        errors_comm=u16(channel.packets_dropped),
+        errors_comm=u16(channel.packets_dropped) if counts else 0,
         errors_count1=errors.mask & 0xFFFF,
         errors_count2=errors.mask >> 16 & 0xFFFF,
-        errors_count3=u16(vehicle.log.dropped()),
+        errors_count3=u16(vehicle.log.dropped()) if counts else 0,
         errors_count4=u16(errors.count),
     )

@@ -22,6 +22,7 @@ from mav_handlers.senders import (
 )
 from mav_handlers.senders.builder import Builder, nothing_to_report
 
+# What a release cannot send is in its row of ``mav_handlers.release``.
 # FIRMWARE PARITY: the firmware sends some of the messages that have nothing to report here.
 SENDERS: Final[Mapping[str, Builder]] = {
     "HEARTBEAT": status.heartbeat,
@@ -51,6 +52,7 @@ SENDERS: Final[Mapping[str, Builder]] = {
     "GPS2_RAW": nothing_to_report,
     "GPS2_RTK": nothing_to_report,
     "SYSTEM_TIME": status.system_time,
+    "RC_CHANNELS_SCALED": nothing_to_report,
     "PARAM_VALUE": nothing_to_report,
     "FENCE_STATUS": nothing_to_report,
     "SIMSTATE": simulation.simstate,
@@ -87,6 +89,8 @@ SENDERS: Final[Mapping[str, Builder]] = {
     "ESC_TELEMETRY_1_TO_4": nothing_to_report,
     "GPS_GLOBAL_ORIGIN": position.gps_global_origin,
     "HOME_POSITION": position.home_position,
+    "AOA_SSA": nothing_to_report,
+    "DEEPSTALL": nothing_to_report,
     "EXTENDED_SYS_STATE": status.extended_sys_state,
     "AUTOPILOT_VERSION": status.autopilot_version,
     "EFI_STATUS": nothing_to_report,

@@ -8,10 +8,10 @@ import pytest
 
 from tests.places import DATA
 from viso.compare.conversations import Conversation, Exchange, answer_differences, read_conversation, specified_in
-from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES
+from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6
 
 CONVERSATIONS = DATA / "conversations"
-NAMES = ("parked", "camera")
+NAMES = ("parked", "camera", "zero_origin")
 
 
 @cache
@@ -25,9 +25,9 @@ def differences(conversation: Conversation, exchange: Exchange) -> list[str]:
     return [f"{one} ({exchange['why']})" for one in found]
 
 
-# Of 4.6 there are no recordings: it answers as the reference does, under other names. The usual run has the reference's
-# answers of the long conversation, and a later release's of the other.
-USUAL = {("parked", JULY_2025.name), ("camera", FEBRUARY_2026.name)}
+# The simulator of 4.6.3 was asked what 4.6 answers otherwise. The usual run has the reference's answers of the long
+# conversation, and other releases' of the others.
+USUAL = {("parked", JULY_2025.name), ("camera", FEBRUARY_2026.name), ("zero_origin", STABLE_4_6.name)}
 CASES = [
     pytest.param(name, firmware, marks=() if (name, firmware) in USUAL else pytest.mark.slow)
     for name in NAMES

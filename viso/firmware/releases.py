@@ -21,7 +21,7 @@ from viso.firmware.log_releases import NUMBERED_TEXTS, PLAIN_TEXTS, LogRelease
 from viso.parameters import releases as params
 from viso.parameters.releases import ParameterRelease
 
-DEVELOPMENT, OFFICIAL = 0, 255
+DEVELOPMENT, BETA, OFFICIAL = 0, 128, 255
 """FIRMWARE_VERSION_TYPE of a master, and of what is released."""
 
 
@@ -122,7 +122,7 @@ STABLE_4_6: Final = Firmware(
     4,
     6,
     3,
-    OFFICIAL,
+    BETA,  # so 4.6.3 says of itself
     visual_odom.STABLE_4_6,
     endpoint.STABLE_4_6,
     EKF2_BEFORE_EKF3,

@@ -307,6 +307,7 @@ class Vehicle:
 
     def _each_second(self) -> None:
         self.copter.arming.update()
+        self.endpoint.conclude()
         self.log.statistics(self.endpoint.channels)
         self._keep_parameters()
 

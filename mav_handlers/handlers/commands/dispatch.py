@@ -117,7 +117,9 @@ def handle_command_int(ctx: Context, message: COMMAND_INT) -> Verdict:
 
 def _run(ctx: Context, command: COMMAND_INT) -> MavResult:
     handler = COMMANDS.get(command.command)
-    return handler(ctx, command) if handler is not None else MavResult.UNSUPPORTED
+    if handler is None or command.command in ctx.vehicle.release.unknown_commands:
+        return MavResult.UNSUPPORTED
+    return handler(ctx, command)
 
 
 def _finish(ctx: Context, command: COMMAND_INT, result: MavResult, *, was_long: bool) -> Verdict:

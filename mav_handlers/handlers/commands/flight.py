@@ -66,7 +66,7 @@ def do_change_speed(ctx: Context, command: COMMAND_INT) -> MavResult:
     if flight is None:
         return MavResult.UNSUPPORTED
     if not 0.0 < command.param2 < math.inf:
-        return MavResult.DENIED
+        return MavResult.DENIED if ctx.vehicle.release.refuses_speed_of_0 else MavResult.FAILED
     if int_of_float(command.param1) not in (AIRSPEED, GROUND_SPEED):
         return MavResult.FAILED
     flight.change_speed(command.param2)

@@ -84,7 +84,8 @@ def set_ekf_origin(ctx: Context, location: Location) -> OriginResult:
     """
     if abs(location.lat) > MAX_LAT or abs(location.lng) > MAX_LNG:
         return OriginResult.INVALID
-    if location.lat == 0 and location.lng == 0 and location.alt_cm == 0:
+    is_zero_place = location.lat == 0 and location.lng == 0 and location.alt_cm == 0
+    if is_zero_place and ctx.vehicle.release.refuses_zero_origin:
         return OriginResult.INVALID
     if not ctx.vehicle.set_origin(location):
         return OriginResult.FAILED

@@ -8,8 +8,7 @@ from ap_core.cint import int_of_float
 from ap_core.fmath import f32, is_zero
 from mav_handlers.channel import MAX_INTERVAL_MS, Context
 from mav_handlers.handlers.commands.results import MavResult, u32_of_float
-from mav_handlers.senders import SENDERS
-from mav_handlers.senders.intervals import MIN_INTERVAL_MS, default_interval_ms, set_interval
+from mav_handlers.senders.intervals import MIN_INTERVAL_MS, can_send, default_interval_ms, set_interval
 from mav_handlers.senders.status import MONITOR_INTERVAL_MS, request_modes
 from mav_handlers.wire.codec import message_name
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, MESSAGE_INTERVAL
@@ -25,7 +24,7 @@ def set_message_interval(ctx: Context, command: COMMAND_INT) -> MavResult:
         return MavResult.DENIED
     msg_id, interval_us = u32_of_float(command.param1), int_of_float(command.param2)
     name = message_name(msg_id)
-    if name is None or name not in SENDERS:
+    if not can_send(name, ctx.vehicle.release):
         ctx.vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"No ap_message for mavlink id ({msg_id})")
         return MavResult.DENIED
     if interval_us < -1:
@@ -49,7 +48,7 @@ def _tell_message_interval(ctx: Context, wanted: float) -> MavResult:
         return MavResult.TEMPORARILY_REJECTED
     msg_id = u32_of_float(wanted)
     name = message_name(msg_id)
-    if msg_id >= 65536 or name is None or name not in SENDERS:
+    if msg_id >= 65536 or not can_send(name, ctx.vehicle.release):
         ctx.channel.send(MESSAGE_INTERVAL(msg_id & 0xFFFF, 0))
         return MavResult.FAILED
     interval_ms = ctx.channel.intervals_ms.get(name)
@@ -65,10 +64,10 @@ def get_message_interval(ctx: Context, command: COMMAND_INT) -> MavResult:
 def request_message(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Queue a message to be sent once, after the acknowledgement; it is left out if it has no content."""
     msg_id = u32_of_float(command.param1)
-    if msg_id == MESSAGE_INTERVAL_ID:
+    if msg_id == MESSAGE_INTERVAL_ID and ctx.vehicle.release.tells_interval_on_request:
         return _tell_message_interval(ctx, command.param2)
     name = message_name(msg_id)
-    if name is None or name not in SENDERS:
+    if not can_send(name, ctx.vehicle.release):
         return MavResult.FAILED
     if name == "AVAILABLE_MODES":
         request_modes(ctx.channel, command.param2)

@@ -19,6 +19,7 @@ class MavResult(IntEnum):
     DENIED = 2
     UNSUPPORTED = 3
     FAILED = 4
+    IN_PROGRESS = 5
 
 
 class MavCmd(IntEnum):

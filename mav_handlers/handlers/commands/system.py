@@ -15,6 +15,7 @@ FORCE_ARM_DISARM: Final = f32(21196.0)
 REBOOT: Final = f32(1.0)
 REBOOT_TO_BOOTLOADER: Final = f32(3.0)
 FORCE_REBOOT: Final = 20190226
+ALL_COMPONENTS, AUTOPILOT = 0, 1
 FORCE_SAVE_CALIBRATION: Final = 76
 
 _ONE: Final = f32(1)
@@ -63,6 +64,8 @@ def do_send_banner(ctx: Context, _command: COMMAND_INT) -> MavResult:
 def preflight_reboot_shutdown(ctx: Context, command: COMMAND_INT) -> MavResult:
     """Restart, armed only when forced (GCS_MAVLINK::handle_preflight_reboot)."""
     param1 = f32(command.param1)
+    if command.target_component not in (ALL_COMPONENTS, AUTOPILOT) and not ctx.vehicle.release.reboots_for_others:
+        return MavResult.DENIED
     asked = zip((param1, f32(command.param2), f32(command.param3)), _DELIBERATE_FAULT, strict=True)
     if all(is_equal(param, wanted) for param, wanted in asked):
         # FIRMWARE PARITY: the firmware provokes the fault that param4 selects.
@@ -102,6 +105,15 @@ def preflight_calibration(ctx: Context, command: COMMAND_INT) -> MavResult:
     if is_equal(f32(command.param3), _ONE):
         texts.send_text(_MAV_SEVERITY_INFO, "Updating barometer calibration")
         texts.send_text(_MAV_SEVERITY_INFO, "Barometer calibration complete")
-        return MavResult.ACCEPTED
+        return _calibrate_airspeed(ctx) if ctx.vehicle.release.calibrates_in_steps else MavResult.ACCEPTED
     keeps_old = command.x == FORCE_SAVE_CALIBRATION or is_equal(f32(command.param2), f32(FORCE_SAVE_CALIBRATION))
     return MavResult.ACCEPTED if keeps_old else MavResult.UNSUPPORTED
+
+
+def _calibrate_airspeed(ctx: Context) -> MavResult:
+    # GCS_MAVLINK::_handle_command_preflight_calibration_baro, GCS_MAVLINK_InProgress
+    endpoint = ctx.vehicle.endpoint
+    if endpoint.calibrating is not None:
+        return MavResult.TEMPORARILY_REJECTED
+    endpoint.calibrating = ctx.channel, ctx.header
+    return MavResult.IN_PROGRESS

@@ -3,12 +3,17 @@
 """What the endpoint of each firmware says and does where releases differ."""
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
+from ap_core.location import Location
 from ap_core.param import ParamTable
 from mav_handlers.params.names import link_options_of_port, options_of_port
+from mav_handlers.senders.inertial import highres_imu
+from mav_handlers.senders.sys_status import sys_status
+from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
     AUTOPILOT_VERSION,
@@ -16,18 +21,25 @@ from mav_handlers.wire.messages import (
     COMMAND_INT,
     GPS_GLOBAL_ORIGIN,
     HEARTBEAT,
+    MISSION_ACK,
+    MISSION_COUNT,
+    MISSION_REQUEST,
+    MISSION_REQUEST_INT,
+    MISSION_REQUEST_LIST,
     PARAM_ERROR,
     PARAM_REQUEST_READ,
     PARAM_SET,
     PARAM_VALUE,
+    RANGEFINDER,
     REQUEST_DATA_STREAM,
     SET_GPS_GLOBAL_ORIGIN,
     STATUSTEXT,
     VISION_POSITION_ESTIMATE,
     Message,
 )
-from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, STABLE_4_7, Firmware
 from viso.parameters.table import make_groups
+from viso.vehicle.copter.modes import ModeNumber
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.conftest import Bench, MakeBench
@@ -227,3 +239,189 @@ def test_private_link_of_the_earlier_firmware_gets_no_texts(make_bench: "MakeBen
     bench.vehicle.texts.send_text(6, "hello")
     bench.run_ms(50)
     assert [("hello" in client.read_texts()) for client in bench.clients] == [True, False]
+
+
+# What a release can send and does
+
+SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS = range(6)
+ZERO_ORIGIN = SET_GPS_GLOBAL_ORIGIN(1, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "releases"),
+    [
+        ("AVAILABLE_MODES", {"2025-07", "2026-02", "4.7", "2026-04"}),
+        ("AVAILABLE_MODES_MONITOR", {"2025-07", "2026-02", "4.7", "2026-04"}),
+        ("FLIGHT_INFORMATION", {"2025-07", "2026-02", "4.7", "2026-04"}),
+        ("HWSTATUS", {"4.6", "2025-07"}),
+        ("RC_CHANNELS_SCALED", {"4.6"}),
+        ("AOA_SSA", {"4.6"}),
+        ("DEEPSTALL", {"4.6"}),
+        ("RANGEFINDER", set(PROFILES)),
+    ],
+)
+def test_message_that_only_some_releases_can_send(make_bench: "MakeBench", name: str, releases: set[str]) -> None:
+    asked = {
+        firmware: [
+            make_bench(firmware=one).client.command(command, message_id(name), value)
+            for command, value in ((REQUEST_MESSAGE, 0), (SET_MESSAGE_INTERVAL, -1))
+        ]
+        for firmware, one in PROFILES.items()
+    }
+    assert asked == {one: [ACCEPTED, ACCEPTED] if one in releases else [FAILED, DENIED] for one in PROFILES}
+
+
+@every_firmware
+def test_range_is_streamed_up_to_july_2025(make_bench: "MakeBench", firmware: Firmware) -> None:
+    bench = make_bench(firmware=firmware, RNGFND1_TYPE=10, RNGFND1_ORIENT=25)
+    bench.client.tell(REQUEST_DATA_STREAM(1, 1, 12, 10, 1))
+    bench.run_ms(500)
+    came = bool(bench.client.read_of(RANGEFINDER))
+    assert came == (firmware in (STABLE_4_6, JULY_2025))
+    assert bench.client.command(SET_MESSAGE_INTERVAL, message_id("RANGEFINDER"), 100_000) == ACCEPTED
+    bench.run_ms(500)
+    assert bench.client.read_of(RANGEFINDER)
+
+
+@every_firmware
+def test_interval_is_told_on_request_since_july_2025(make_bench: "MakeBench", firmware: Firmware) -> None:
+    client = make_bench(firmware=firmware).client
+    wanted = FAILED if firmware is STABLE_4_6 else ACCEPTED
+    assert client.command(REQUEST_MESSAGE, message_id("MESSAGE_INTERVAL"), message_id("ATTITUDE")) == wanted
+
+
+@every_firmware
+def test_origin_by_command_came_after_4_6(make_bench: "MakeBench", firmware: Firmware) -> None:
+    client = make_bench(firmware=firmware).client
+    wanted = UNSUPPORTED if firmware is STABLE_4_6 else ACCEPTED
+    assert client.command_int(611, -353632610, 1491652300, 584.0) == wanted
+
+
+@every_firmware
+def test_origin_of_zeros_is_taken_by_4_6_alone(make_bench: "MakeBench", firmware: Firmware) -> None:
+    bench = make_bench(firmware=firmware)
+    bench.client.tell(ZERO_ORIGIN)
+    assert (bench.vehicle.ahrs.origin() is not None) == (firmware is STABLE_4_6)
+
+
+@every_firmware
+def test_altitude_of_an_origin_is_checked_since_february_2026(make_bench: "MakeBench", firmware: Firmware) -> None:
+    bench = make_bench(firmware=firmware)
+    bench.client.tell(replace(ORIGIN, altitude=83_000_001))
+    assert (bench.vehicle.ahrs.origin() is None) == (firmware not in (STABLE_4_6, JULY_2025))
+
+
+@every_firmware
+def test_restart_of_another_component_is_denied_since_february_2026(
+    make_bench: "MakeBench", firmware: Firmware
+) -> None:
+    bench = make_bench(firmware=firmware)
+    restarts = firmware in (STABLE_4_6, JULY_2025)
+    assert bench.client.command(246, 1, target=(1, 154)) == (ACCEPTED if restarts else DENIED)
+    assert bench.vehicle.reboot_requested == restarts
+    assert bench.client.command(246, 1, target=(1, 0)) == ACCEPTED
+
+
+@every_firmware
+def test_dropped_packets_are_counted_since_july_2025(make_bench: "MakeBench", firmware: Firmware) -> None:
+    bench = make_bench(firmware=firmware)
+    bench.client.channel.packets_dropped = 7
+    status = sys_status(bench.vehicle, bench.client.channel, bench.now_us)
+    assert status is not None
+    assert status.errors_comm == (0 if firmware is STABLE_4_6 else 7)
+
+
+@every_firmware
+def test_all_bits_say_that_all_sensors_are_new_in_4_6(make_bench: "MakeBench", firmware: Firmware) -> None:
+    bench = make_bench(firmware=firmware)
+    updated = highres_imu(bench.vehicle, bench.client.channel, bench.now_us).fields_updated
+    assert updated == (0xFFFF if firmware is STABLE_4_6 else 0x1FFF)
+
+
+@every_firmware
+def test_telemetry_of_4_6_begins_a_second_later(make_bench: "MakeBench", firmware: Firmware) -> None:
+    name = firmware.endpoint.params.telem_delay
+    bench = make_bench(firmware=firmware, until_ms=0, **{name: 2.0})
+    bench.run_ms(2 * 1024 + 100)
+    bench.client.read()
+    bench.client.command(REQUEST_MESSAGE, message_id("HEARTBEAT"))
+    bench.run_ms(800)
+    assert bool(bench.client.read_of(HEARTBEAT)) == (firmware is not STABLE_4_6)
+
+
+@every_firmware
+def test_home_counts_as_an_item_since_july_2025(make_bench: "MakeBench", firmware: Firmware) -> None:
+    bench = make_bench(firmware=firmware)
+    bench.client.tell(ORIGIN)
+    bench.vehicle.copter.home.set(Location(1, 1, 1), lock=True)
+    bench.client.read()
+    bench.client.tell(MISSION_REQUEST_LIST(1, 1))
+    [count] = bench.client.read_of(MISSION_COUNT)
+    assert count.count == (0 if firmware is STABLE_4_6 else 1)
+
+
+@pytest.mark.parametrize(
+    ("request_", "of_4_6", "later"),
+    [
+        (MISSION_REQUEST(1, 1, 5), (True, 1), (False, 13)),
+        (MISSION_REQUEST_INT(1, 1, 5), (True, 1), (True, 13)),
+        (MISSION_REQUEST_INT(1, 1, 0, 1), (False, 1), (True, 13)),
+        (MISSION_REQUEST_INT(1, 1, 5, 1), (False, 13), (True, 13)),
+        (MISSION_REQUEST_INT(1, 1, 0, 2), (False, 13), (True, 13)),
+    ],
+)
+def test_item_that_is_not_there(
+    make_bench: "MakeBench", request_: Message, of_4_6: tuple[bool, int], later: tuple[bool, int]
+) -> None:
+    for firmware, wanted in ((STABLE_4_6, of_4_6), (JULY_2025, later), (STABLE_4_7, later)):
+        client = make_bench(firmware=firmware).client
+        client.tell(request_)
+        came = client.read()
+        [ack] = [one for one in came if isinstance(one, MISSION_ACK)]
+        assert (any(isinstance(one, MISSION_COUNT) for one in came), ack.type) == wanted
+
+
+@every_firmware
+def test_calibration_of_a_barometer_is_concluded_in_4_6(make_bench: "MakeBench", firmware: Firmware) -> None:
+    bench = make_bench(firmware=firmware)
+    first = bench.client.command(241, 0, 0, 1)
+    again = bench.client.command(241, 0, 0, 1)
+    bench.run_ms(1100)
+    later = [ack.result for ack in bench.client.read_of(COMMAND_ACK)]
+    steps = firmware is STABLE_4_6
+    assert (first, again, later) == (
+        (IN_PROGRESS, TEMPORARILY_REJECTED, [ACCEPTED]) if steps else (ACCEPTED, ACCEPTED, [])
+    )
+    assert bench.client.command(241, 0, 0, 1) == (IN_PROGRESS if steps else ACCEPTED)
+
+
+# Flight modes
+
+
+@every_firmware
+def test_modes_have_words_since_february_2026(make_bench: "MakeBench", firmware: Firmware) -> None:
+    copter = make_bench(firmware=firmware).vehicle.copter
+    names = [mode.name for mode in copter.available_modes()][:5]
+    capitals = firmware in (STABLE_4_6, JULY_2025)
+    words = ["Auto RTL", "Auto", "Acro", "Stabilize", "Altitude Hold"]
+    assert names == (["AUTO RTL", "AUTO", "ACRO", "STABILIZE", "ALT_HOLD"] if capitals else words)
+
+
+@every_firmware
+def test_modes_that_cannot_be_selected_are_told_since_4_7(make_bench: "MakeBench", firmware: Firmware) -> None:
+    copter = make_bench(firmware=firmware).vehicle.copter
+    hidden = {mode.custom_mode for mode in copter.available_modes() if mode.properties == 2}
+    told = firmware in (STABLE_4_7, APRIL_2026)
+    assert hidden == (
+        {ModeNumber.FOLLOW, ModeNumber.FLOWHOLD, ModeNumber.SYSTEMID, ModeNumber.TURTLE} if told else set()
+    )
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, math.nan])
+@every_firmware
+def test_speed_that_is_not_positive_is_denied_since_july_2025(
+    make_bench: "MakeBench", firmware: Firmware, speed: float
+) -> None:
+    client = make_bench(firmware=firmware, flies=True).client
+    assert client.command(178, 1, speed) == (FAILED if firmware is STABLE_4_6 else DENIED)

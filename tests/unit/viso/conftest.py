@@ -312,6 +312,7 @@ class CopterRig:
             Vehicle,
             SimpleNamespace(
                 firmware=JULY_2025,
+                release=JULY_2025.endpoint,
                 clock=self.clock,
                 params=self.params,
                 texts=self,

@@ -155,7 +155,7 @@ class ArmingChecks:
     def mode(self) -> str | None:
         """The mode may be armed in."""
         mode = self._mode()
-        return None if mode.arms else f"{mode.name} mode not armable"
+        return None if mode.arms else f"{self._vehicle.copter.modes.name_of(mode)} mode not armable"
 
     def lean_angle(self) -> str | None:
         """The vehicle is roughly level."""

@@ -16,7 +16,7 @@ from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.flying.flight_control import FlightControl
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
-from viso.vehicle.copter.modes import AVAILABLE_MODES, AvailableMode, FlightModes, ModeNumber, ModeReason
+from viso.vehicle.copter.modes import AvailableMode, FlightModes, ModeNumber, ModeReason
 from viso.vehicle.copter.motors import Motors
 from viso.vehicle.sensors.airframe import Airframe
 
@@ -58,7 +58,7 @@ class Copter:
             vehicle, has_position=self.estimates.has_position, is_armed=self.is_armed, act=self._act_on_ekf_failure
         )
         self.safety_on = False
-        self.mission = Mission()
+        self.mission = Mission(counts_home=vehicle.release.counts_home)
         self.home = Home(vehicle, self.is_armed, self.mission)
         self.modes = FlightModes(vehicle, self.estimates, self.home, self.is_armed)
         self._motors = Motors(vehicle)
@@ -96,7 +96,7 @@ class Copter:
             self.modes.set_mode(ModeNumber.LAND, ModeReason.EKF_FAILSAFE)
             flight.land_later()
         self._mode_has_changed = True
-        return self.modes.current.name
+        return self.modes.name_of(self.modes.current)
 
     def _aids_relative_position(self) -> bool:
         return self._vehicle.visual_odom.enabled() or self._vehicle.flow.enabled()
@@ -206,7 +206,7 @@ class Copter:
 
     def available_modes(self) -> Sequence[AvailableMode]:
         """Return the flight modes that clients may list."""
-        return AVAILABLE_MODES
+        return self.modes.available()
 
     def is_holding_height(self) -> bool:
         """Return whether the mode runs the vertical position controller."""

@@ -22,6 +22,7 @@ ERR_SUBSYSTEM_FLIGHT_MODE: Final = 10
 _MAV_SEVERITY_WARNING: Final = 4
 _NON_STANDARD: Final = 0
 _NO_PROPERTIES: Final = 0
+_NOT_SELECTABLE: Final = 2
 
 
 class ModeReason(IntEnum):
@@ -76,7 +77,8 @@ class Mode:
 
     Attributes:
         number: its custom_mode.
-        name: as in texts and AVAILABLE_MODES.
+        name: as in texts and AVAILABLE_MODES, in capitals.
+        words: the same in releases that spell it out.
         requires_position: it cannot do without a position (requires_GPS).
         manual_throttle: the pilot has the throttle, so that no height is needed.
         arms: it may be armed in by a ground station.
@@ -87,6 +89,7 @@ class Mode:
 
     number: ModeNumber
     name: str
+    words: str
     requires_position: bool = False
     manual_throttle: bool = False
     arms: bool = True
@@ -113,37 +116,31 @@ def _modes(*modes: Mode) -> Mapping[int, Mode]:
 _N = ModeNumber
 
 MODES: Final = _modes(
-    Mode(_N.AUTO, "AUTO", requires_position=True, arms=False),
-    Mode(_N.ACRO, "ACRO", manual_throttle=True, holds_height=False, holds_position=False),
-    Mode(_N.STABILIZE, "STABILIZE", manual_throttle=True, holds_height=False, holds_position=False),
-    Mode(_N.ALT_HOLD, "ALT_HOLD", takeoff=UserTakeoff.BY_PILOT, holds_position=False),
-    Mode(_N.CIRCLE, "CIRCLE", requires_position=True, arms=False),
-    Mode(_N.LOITER, "LOITER", requires_position=True, takeoff=UserTakeoff.ALWAYS),
-    Mode(_N.GUIDED, "GUIDED", requires_position=True, takeoff=UserTakeoff.ALWAYS),
-    Mode(_N.LAND, "LAND", arms=False, lands=True),
-    Mode(_N.RTL, "RTL", requires_position=True, arms=False, lands=True),
-    Mode(_N.DRIFT, "DRIFT", requires_position=True, holds_height=False, holds_position=False),
-    Mode(_N.FLIP, "FLIP", arms=False, holds_height=False, holds_position=False),
-    Mode(_N.AUTOTUNE, "AUTOTUNE", arms=False),
-    Mode(_N.POSHOLD, "POSHOLD", requires_position=True, takeoff=UserTakeoff.ALWAYS),
-    Mode(_N.BRAKE, "BRAKE", requires_position=True, arms=False),
-    Mode(_N.THROW, "THROW", requires_position=True, holds_height=False, holds_position=False),
-    Mode(_N.AVOID_ADSB, "AVOID_ADSB", requires_position=True, arms=False, takeoff=UserTakeoff.ALWAYS),
-    Mode(_N.GUIDED_NOGPS, "GUIDED_NOGPS", takeoff=UserTakeoff.ALWAYS),
-    Mode(_N.SMART_RTL, "SMARTRTL", requires_position=True, arms=False, lands=True),
-    Mode(_N.FLOWHOLD, "FLOWHOLD", takeoff=UserTakeoff.BY_PILOT),
-    Mode(_N.FOLLOW, "FOLLOW", requires_position=True, arms=False, takeoff=UserTakeoff.ALWAYS),
-    Mode(_N.ZIGZAG, "ZIGZAG", requires_position=True, takeoff=UserTakeoff.ALWAYS),
-    Mode(_N.SYSTEMID, "SYSTEMID", manual_throttle=True, arms=False),
-    Mode(_N.TURTLE, "TURTLE", manual_throttle=True),
+    Mode(_N.AUTO, "AUTO", "Auto", requires_position=True, arms=False),
+    Mode(_N.ACRO, "ACRO", "Acro", manual_throttle=True, holds_height=False, holds_position=False),
+    Mode(_N.STABILIZE, "STABILIZE", "Stabilize", manual_throttle=True, holds_height=False, holds_position=False),
+    Mode(_N.ALT_HOLD, "ALT_HOLD", "Altitude Hold", takeoff=UserTakeoff.BY_PILOT, holds_position=False),
+    Mode(_N.CIRCLE, "CIRCLE", "Circle", requires_position=True, arms=False),
+    Mode(_N.LOITER, "LOITER", "Loiter", requires_position=True, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.GUIDED, "GUIDED", "Guided", requires_position=True, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.LAND, "LAND", "Land", arms=False, lands=True),
+    Mode(_N.RTL, "RTL", "RTL", requires_position=True, arms=False, lands=True),
+    Mode(_N.DRIFT, "DRIFT", "Drift", requires_position=True, holds_height=False, holds_position=False),
+    Mode(_N.FLIP, "FLIP", "Flip", arms=False, holds_height=False, holds_position=False),
+    Mode(_N.AUTOTUNE, "AUTOTUNE", "Autotune", arms=False),
+    Mode(_N.POSHOLD, "POSHOLD", "Position Hold", requires_position=True, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.BRAKE, "BRAKE", "Brake", requires_position=True, arms=False),
+    Mode(_N.THROW, "THROW", "Throw", requires_position=True, holds_height=False, holds_position=False),
+    Mode(_N.AVOID_ADSB, "AVOID_ADSB", "Avoid ADSB", requires_position=True, arms=False, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.GUIDED_NOGPS, "GUIDED_NOGPS", "Guided No GPS", takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.SMART_RTL, "SMARTRTL", "Smart RTL", requires_position=True, arms=False, lands=True),
+    Mode(_N.FLOWHOLD, "FLOWHOLD", "Flow Hold", takeoff=UserTakeoff.BY_PILOT),
+    Mode(_N.FOLLOW, "FOLLOW", "Follow", requires_position=True, arms=False, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.ZIGZAG, "ZIGZAG", "ZigZag", requires_position=True, takeoff=UserTakeoff.ALWAYS),
+    Mode(_N.SYSTEMID, "SYSTEMID", "SystemID", manual_throttle=True, arms=False),
+    Mode(_N.TURTLE, "TURTLE", "Turtle", manual_throttle=True),
 )
 """The modes of the reference build by number, in the order of AVAILABLE_MODES."""
-
-AVAILABLE_MODES: Final = (
-    AvailableMode("AUTO RTL", ModeNumber.AUTO_RTL, _NON_STANDARD, _NO_PROPERTIES),
-    *(AvailableMode(mode.name, mode.number, _NON_STANDARD, _NO_PROPERTIES) for mode in MODES.values()),
-)
-"""AUTO RTL comes first: it is AUTO under another name and number (GCS_MAVLINK_Copter::send_available_mode)."""
 
 # What these say when they refuse: their parameters have the values of the firmware's defaults.
 _TEXTS: Final = {
@@ -156,10 +153,16 @@ _NEVER_ENTERED: Final = frozenset(
 )
 
 
+# They are enabled by parameters, and Turtle by DShot motors; FLOWHOLD is where there is a sensor.
+_NOT_ENABLED: Final = frozenset({ModeNumber.FOLLOW, ModeNumber.SYSTEMID, ModeNumber.TURTLE})
+
+
 class FlightModes:
     """The flight mode, STABILIZE at first, and why it is that."""
 
     def __init__(self, vehicle: "Vehicle", estimates: Estimates, home: Home, is_armed: Callable[[], bool]) -> None:
+        self._vehicle = vehicle
+        self._release = vehicle.release
         self._texts = vehicle.texts
         self._log = vehicle.log
         self._estimates = estimates
@@ -167,6 +170,23 @@ class FlightModes:
         self._is_armed = is_armed
         self.current = MODES[ModeNumber.STABILIZE]
         self.reason = ModeReason.INITIALISED
+
+    def name_of(self, mode: Mode) -> str:
+        """Return a mode's name as the release spells it."""
+        return mode.words if self._release.spells_modes_out else mode.name
+
+    def available(self) -> list[AvailableMode]:
+        """Return the modes that AVAILABLE_MODES lists (GCS_MAVLINK_Copter::send_available_mode).
+
+        AUTO RTL comes first: it is AUTO under another name and number.
+        """
+        auto_rtl = "Auto RTL" if self._release.spells_modes_out else "AUTO RTL"
+        named = [(ModeNumber.AUTO_RTL, auto_rtl), *((mode.number, self.name_of(mode)) for mode in MODES.values())]
+        return [AvailableMode(name, number, _NON_STANDARD, self._properties(number)) for number, name in named]
+
+    def _properties(self, number: ModeNumber) -> int:
+        is_enabled = self._vehicle.flow.enabled() if number == ModeNumber.FLOWHOLD else number not in _NOT_ENABLED
+        return _NO_PROPERTIES if is_enabled or not self._release.lists_selectable_modes else _NOT_SELECTABLE
 
     def set_mode(self, number: int, reason: ModeReason) -> bool:
         """Enter a mode; return whether the vehicle is in it now. A refusal is sent as a text (Copter::set_mode)."""
@@ -180,7 +200,7 @@ class FlightModes:
             return self._refuse(f"No such mode {number}", number)
         failure = self._failure(mode)
         if failure is not None:
-            return self._refuse(f"Mode change to {mode.name} failed: {failure}", number)
+            return self._refuse(f"Mode change to {self.name_of(mode)} failed: {failure}", number)
         self.current = mode
         self.reason = reason
         self.log_mode()

@@ -85,7 +85,7 @@ def test_profiles_are_found_by_their_names_the_oldest_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("firmware", "version"), [(STABLE_4_6, 0x040603FF), (JULY_2025, 0x04070000), (FEBRUARY_2026, 0x04070000)]
+    ("firmware", "version"), [(STABLE_4_6, 0x04060380), (JULY_2025, 0x04070000), (FEBRUARY_2026, 0x04070000)]
 )
 def test_version_is_four_bytes(firmware: Firmware, version: int) -> None:
     assert firmware.sw_version == version

@@ -45,7 +45,7 @@ SIMULATED: Final = ("FLTMODE", "FRAME_TYPE", "COMPASS_OFS", "COMPASS_DEV_ID", "I
 LISTED: Final = {
     STABLE_4_6.name: DATA / "parameters" / "4.6.3.txt",
 }
-OURS: Final = {"EK3_SRC_OPTIONS", "FRAME_CLASS", "LOG_DISARMED", "STAT_BOOTCNT", "VISO_TYPE"}
+OURS: Final = {"FRAME_CLASS", "LOG_DISARMED", "STAT_BOOTCNT", "VISO_TYPE"}
 """Defaults that are ours, or of the simulator's start."""
 listed_firmware = pytest.mark.parametrize("firmware", [STABLE_4_6], ids=lambda one: one.name)
 recorded_firmware = pytest.mark.parametrize(

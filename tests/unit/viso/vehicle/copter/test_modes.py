@@ -8,7 +8,7 @@ import pytest
 
 from ap_core.location import Location
 from ekf_stub.reports import FilterFlag
-from viso.vehicle.copter.modes import AVAILABLE_MODES, MODES, ModeNumber
+from viso.vehicle.copter.modes import MODES, ModeNumber
 
 if TYPE_CHECKING:
     from tests.unit.viso.conftest import CopterRig
@@ -31,11 +31,12 @@ def arm(rig: "CopterRig") -> None:
     rig.records.clear()
 
 
-def test_list_of_modes_is_the_reference_s() -> None:
-    names = [mode.name for mode in AVAILABLE_MODES]
+def test_list_of_modes_is_the_reference_s(rig: "CopterRig") -> None:
+    modes = rig.copter.modes.available()
+    names = [mode.name for mode in modes]
     assert (len(names), names[:4], names[-1]) == (24, ["AUTO RTL", "AUTO", "ACRO", "STABILIZE"], "TURTLE")
-    assert {(mode.standard_mode, mode.properties) for mode in AVAILABLE_MODES} == {(0, 0)}
-    assert len({mode.custom_mode for mode in AVAILABLE_MODES}) == 24
+    assert {(mode.standard_mode, mode.properties) for mode in modes} == {(0, 0)}
+    assert len({mode.custom_mode for mode in modes}) == 24
 
 
 def test_modes_that_require_a_position_and_those_that_cannot_be_armed_in_are_the_firmware_s() -> None:
