@@ -24,7 +24,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from typer.testing import CliRunner
-from viso.compare.figures import OBJECTIVES
 
 from ap_core.param import ParamFlag, ParamGroup, ParamInfo, ParamType
 from ap_visualodom.ap_visualodom import BACKENDS, make_params
@@ -56,6 +55,7 @@ from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
 from viso.recording.outputs import FILES as RECORDING_FILES
 from viso.recording.scenario import MOTIONS, SCENARIOS, STEPS, Scenario, Stream, read_scenario
+from viso.replay.figures import OBJECTIVES
 from viso.streams.messages import FORMS
 from viso.streams.readers import FORMATS as TRAJECTORY_FORMATS
 from viso.streams.stream_kinds import STREAM_KINDS

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
-from viso.firmware.releases import DEFAULT, OFFICIAL, PROFILES, Firmware
+from viso.firmware.releases import DEFAULT, DEVELOPMENT, OFFICIAL, PROFILES, Firmware
 from viso.parameters.releases import MAX_LINKS
 from viso.parameters.table import make_groups
 
@@ -133,7 +133,7 @@ def _of_version(flown: FlownVersion, names: Container[str]) -> tuple[Firmware, s
     fitting = [one for one in profiles if one.version == nearest]
     exact = [one for one in fitting if one.source_hash == flown.source_hash or one.month in flown.text]
     if nearest == version and not flown.is_master:
-        exact = exact or [one for one in fitting if one.release_type == OFFICIAL]
+        exact = exact or [one for one in fitting if one.release_type != DEVELOPMENT]
     if exact:
         return exact[0], says
     if nearest != version or len(fitting) == 1:
@@ -148,7 +148,7 @@ def _of_version(flown: FlownVersion, names: Container[str]) -> tuple[Firmware, s
 
 def _of_parameters(names: Container[str]) -> tuple[Firmware, str]:
     def rank(one: Firmware) -> tuple[int, bool, bool]:
-        return len(_foreign(one, names)), one is not DEFAULT, one.release_type != OFFICIAL
+        return len(_foreign(one, names)), one is not DEFAULT, one.release_type == DEVELOPMENT
 
     chosen = min(PROFILES.values(), key=rank)
     telling = _telling(chosen, PROFILES.values(), names)
