@@ -74,6 +74,12 @@ class Location:
         scale = longitude_scale(_half(i32(self.lat + to.lat)))
         return Vector3f(north, float(east) * scale, f32(i32(self.alt_cm - to.alt_cm)) * _CENTI)
 
+    def distance_ne(self, to: "Location") -> tuple[float, float]:
+        """Return the distance to another place in m north and east, in double precision (get_distance_NE_ftype)."""
+        scale = longitude_scale(_half(i32(self.lat + to.lat)))
+        east = diff_longitude(to.lng, self.lng) * METRES_PER_UNIT * scale
+        return i32(to.lat - self.lat) * METRES_PER_UNIT, east
+
     def offset(self, ned: Vector3f) -> "Location":
         """Return the location at an offset in metres north, east, down.
 

@@ -808,6 +808,6 @@ class Core:
             north, east, _ = distance_ned(common, fix.location)
         elif not is_unknown and common is not None and common is not self.origin:
             # FIRMWARE PARITY: as long as the core has no origin of its own, that is where 0 N, 0 E is.
-            away_north, away_east, _ = distance_ned(common, self.origin or Location(0, 0, 0))
+            away_north, away_east = common.distance_ne(self.origin or Location(0, 0, 0))
             north, east = north + away_north, east + away_east
         return north, east, down

@@ -158,3 +158,8 @@ def test_place_has_32_bits_whatever_the_way(place: Location, way: tuple[float, f
 )
 def test_place_is_valid_up_to_the_poles_and_180_degrees(place: Location, valid: bool) -> None:
     assert place.is_valid() is valid
+
+
+def test_distance_in_double_precision_is_that_of_the_recordings_from_the_other_side_of_the_globe() -> None:
+    north, east = Location(-353_632_610, 1_491_652_299, 0).distance_ne(Location(0, 0, 0))
+    assert (np.float32(north), np.float32(east)) == (np.float32(3936597.5), np.float32(-15820467))
