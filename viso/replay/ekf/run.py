@@ -263,7 +263,6 @@ class EkfRun:
                 self._take_estimates(record)
         else:
             self._playing.take(record)
-            self._note_jumps()
 
     def _begin_output(self) -> None:
         if self.output.is_empty:
@@ -353,9 +352,11 @@ def recorded_firmware(log: LogColumns, given: Firmware | None = None) -> JudgedB
 
 
 def _ours(report: CoreReport) -> dict[str, float]:
+    """Return the estimates by label, a position in single precision as a log has it."""
+    north, east, down = (float(np.float32(coordinate)) for coordinate in report.pos_ned)
     roll, pitch, yaw = map(math.degrees, report.rpy_rad)
     values = (
-        *(roll, pitch, yaw % 360, *report.vel_ned, *report.pos_ned, *report.vel_innovation, *report.pos_innovation),
+        *(roll, pitch, yaw % 360, *report.vel_ned, north, east, down, *report.vel_innovation, *report.pos_innovation),
         *map(math.sqrt, (report.vel_ratio, report.pos_ratio, report.height_ratio)),
         *(*report.moved_ne, report.timeouts, report.flags),
     )
