@@ -22,7 +22,6 @@ from mav_handlers.verdicts import NO_HANDLER, OWN_MESSAGE, UNKNOWN_MESSAGE
 from mav_handlers.wire import messages as m
 from mav_handlers.wire.codec import Codec, message_id
 from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, MESSAGES, ODOMETRY, Message
-from tests.copies import Copies
 from tools.make_messages import definition
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -110,21 +109,20 @@ def sample(cls: type[Message]) -> Message:
     return replace(message, command=401) if isinstance(message, COMMAND_LONG | COMMAND_INT) else message
 
 
-@cache
-def booted() -> Copies[tuple[Vehicle, Channel]]:
-    """Return a vehicle that has booted, with its link; booting takes longer than copying."""
+def booted() -> tuple[Vehicle, Channel]:
+    """Return a vehicle that has booted, with its link."""
     vehicle = Vehicle(VehicleConfig(defaults={"VISO_TYPE": 1}))
     channel = vehicle.endpoint.open_channel("link")
     for now_us in BOOT_US:
         vehicle.advance(range(now_us, now_us + 1))
     channel.take_output()
-    return Copies((vehicle, channel))
+    return vehicle, channel
 
 
 @cache
 def effect_of(*chunks: bytes) -> Effect:
     """Deliver chunks of bytes at one moment to a vehicle of their own."""
-    vehicle, channel = booted().make()
+    vehicle, channel = booted()
     records: list[str] = []
 
     def remember(structure: LogStructure, values: Sequence[LogValue]) -> None:

@@ -4,11 +4,9 @@
 
 import math
 from collections.abc import Callable
-from functools import cache
 
 import pytest
 
-from tests.copies import Copies
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from viso.vehicle.sensors.errors import NO_ERRORS, SensorErrors
 from viso.vehicle.sensors.source import ImuOptions
@@ -30,17 +28,10 @@ def make_bench() -> Callable[..., BenchRig]:
         run_s: float = 0.0,
         **params: float,
     ) -> BenchRig:
-        if run_s:
-            return running(sources, has_compass, heading_deg, errors, run_s, **params).make()
         options = ImuOptions(heading_rad=math.radians(heading_deg), errors=errors)
-        return BenchRig(sources, has_compass=has_compass, options=options, params=params)
-
-    @cache
-    def running(
-        sources: str, has_compass: bool, heading_deg: float, errors: SensorErrors, run_s: float, **params: float
-    ) -> Copies[BenchRig]:
-        rig = make(sources, has_compass=has_compass, heading_deg=heading_deg, errors=errors, **params)
-        rig.run_to(run_s)
-        return Copies(rig)
+        rig = BenchRig(sources, has_compass=has_compass, options=options, params=params)
+        if run_s:
+            rig.run_to(run_s)
+        return rig
 
     return make

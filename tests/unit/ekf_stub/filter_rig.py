@@ -4,7 +4,6 @@
 
 import math
 from collections.abc import Callable
-from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -28,7 +27,6 @@ from ekf_stub.inputs.measurements import DOWNWARD, FinderState, GpsSample, Range
 from ekf_stub.log.reporting import report_of
 from ekf_stub.release import JULY_2025, FilterRelease
 from ekf_stub.reports import CoreReport, words_of
-from tests.copies import Copies
 from viso.parameters.table import make_groups
 
 HOME: Final = Location(-353632610, 1491652300, 58400)
@@ -498,63 +496,62 @@ class FilterRig:
         return to_earth(matrix(quat_of_euler(self.roll, self.pitch, self.yaw)), vector)
 
 
-# Vehicles to begin with, each a copy of one that has been run once
-
-
-@cache
-def _standing(sources: str, run_s: float, options: tuple[tuple[str, Any], ...]) -> Copies[FilterRig]:
-    rig = FilterRig(sources, **dict(options))
-    rig.run(run_s)
-    return Copies(rig)
+# Vehicles to begin with
 
 
 def standing(sources: str = "66666", *, run_s: float = 2.6, **options: Any) -> FilterRig:
     """Return a vehicle that has been at rest for a while; by default its filter knows tilt by then."""
-    return _standing(sources, run_s, tuple(options.items())).make()
-
-
-@cache
-def _navigating(sources: str, feeds: tuple[str, ...], options: tuple[tuple[str, Any], ...]) -> Copies[FilterRig]:
-    rig = standing(sources, **dict(options))
-    rig.feeds.update(feeds)
-    rig.run(1.0)
-    assert rig.mode == ABSOLUTE, rig.said
-    rig.forget()
-    return Copies(rig)
+    rig = FilterRig(sources, **options)
+    rig.run(run_s)
+    return rig
 
 
 def navigating(sources: str = "66666", *feeds: str, **options: Any) -> FilterRig:
     """Return a vehicle at rest that has been navigating by its camera for most of a second; all is told and taken."""
-    return _navigating(sources, ("camera", *feeds), tuple(options.items())).make()
+    rig = standing(sources, **options)
+    rig.feeds |= {"camera", *feeds}
+    rig.run(1.0)
+    assert rig.mode == ABSOLUTE, rig.said
+    rig.forget()
+    return rig
 
 
-def twins(rig: FilterRig) -> tuple[FilterRig, FilterRig]:
-    """Return two copies of a vehicle."""
-    copies = Copies(rig)
-    return copies.make(), copies.make()
+Start = Callable[[], FilterRig]
 
 
 def compared(
-    rig: FilterRig, tell: Callable[[FilterRig], object], is_due: Callable[[Core], object] | None = None
+    start: Start, measure: Callable[[FilterRig], object], is_due: Callable[[Core], object]
 ) -> tuple[FilterRig, FilterRig]:
-    """Return two copies of a vehicle, of which the first was told something, after the step in which that came due.
-
-    By how far their states differ shows what the filter has made of it, and nothing else; the second one's covariance
-    is that before.
+    """Return two vehicles after the step that fuses a measurement, which only the first one gets.
 
     Args:
-        tell: tells something.
-        is_due: whether it has come due in the last step; by default that a pose has.
+        start: makes a vehicle.
+        measure: hands the measurement to a vehicle.
+        is_due: whether the filter has taken the measurement from its buffer in the last step.
     """
-    told, other = twins(rig)
-    tell(told)
-    is_due = is_due or (lambda core: core.ext_nav.has_pose)
-    while told.now_us < rig.now_us + 1_000_000:
-        told.one_pass()
+    rig, other = start(), start()
+    measure(rig)
+    run_until_due(rig, other, is_due)
+    return rig, other
+
+
+def run_until_due(rig: FilterRig, other: FilterRig, is_due: Callable[[Core], object]) -> None:
+    """Run two vehicles to the step in which the first one's measurement is due.
+
+    Their states then differ by the correction alone. The second one's covariance is that before the fusion.
+    """
+    end_us = rig.now_us + 1_000_000
+    while rig.now_us < end_us:
+        rig.one_pass()
         other.one_pass()
-        if told.core.stepped and is_due(told.core):
-            return told, other
-    raise AssertionError("it has not come due")
+        if rig.core.stepped and is_due(rig.core):
+            return
+    raise AssertionError("no step has taken the measurement")
+
+
+def has_pose(core: Core) -> bool:
+    """Return whether the last step took a pose from the buffer."""
+    return core.ext_nav.has_pose
 
 
 def weight(variance: float, noise: float) -> float:
@@ -577,9 +574,9 @@ def reckoned(rig: FilterRig, *fused: Fused) -> "np.ndarray[Any, np.dtype[np.floa
     return states
 
 
-@cache
-def _by_gps(sources: str, options: tuple[tuple[str, Any], ...]) -> Copies[FilterRig]:
-    rig = standing(sources, has_compass=True, loop_us=SLOW_LOOP_US, **dict(options))
+def by_gps(sources: str = "33131", **options: Any) -> FilterRig:
+    """Return a vehicle at rest with a compass that has just begun to navigate by GPS; its texts are read."""
+    rig = standing(sources, has_compass=True, loop_us=SLOW_LOOP_US, **options)
     rig.lanes.set_origin(HOME)
     rig.feeds.add("gps")
     rig.run(0.1)
@@ -588,9 +585,4 @@ def _by_gps(sources: str, options: tuple[tuple[str, Any], ...]) -> Copies[Filter
     assert rig.mode == ABSOLUTE, rig.said
     rig.run(1.0)
     rig.forget()
-    return Copies(rig)
-
-
-def by_gps(sources: str = "33131", **options: Any) -> FilterRig:
-    """Return a vehicle at rest with a compass that has just begun to navigate by GPS; all is told."""
-    return _by_gps(sources, tuple(options.items())).make()
+    return rig

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import SLOW_LOOP_US, FilterRig
 
 PASSES = 120
@@ -16,17 +15,14 @@ EVERY = 3
 """Passes between two of which sensors may say something."""
 
 
-def flying(cores: int) -> Copies[FilterRig]:
+def flying(cores: int) -> FilterRig:
     """Return a vehicle that is about to navigate, whose IMUs differ if there are several."""
     rig = FilterRig("66661", has_compass=True, cores=cores, loop_us=SLOW_LOOP_US)
     rig.accel_bias = [(0.05 * number, 0.0, 0.1 * number) for number in range(cores)]
     rig.run(2.0)
     rig.feeds |= {"camera", "velocity"}
     rig.yaw_rate, rig.accel_ned = 0.3, (0.5, 0.2, -0.1)
-    return Copies(rig)
-
-
-STARTS = {cores: flying(cores) for cores in (1, 2)}
+    return rig
 
 
 def flown(cores: int, sizes: list[int], *, clears: bool) -> tuple[Any, ...]:
@@ -35,7 +31,7 @@ def flown(cores: int, sizes: list[int], *, clears: bool) -> tuple[Any, ...]:
     Args:
         clears: whether whoever runs them takes what was said after each part of a block.
     """
-    rig = STARTS[cores].make()
+    rig = flying(cores)
     left, turn, calls = PASSES, 0, 0
     while left:
         rig.feed()

@@ -3,7 +3,6 @@
 """The compass: when it sets yaw and magnetic field, which one is read, and what its three axes correct."""
 
 import math
-from functools import cache
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from hypothesis import strategies as st
 
 from ekf_stub.core.vectors import euler_of
 from ekf_stub.release import APRIL_2026, JULY_2025, FilterRelease
-from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import FIELD_NED, HOME, SLOW_LOOP_US, FilterRig, navigating, standing
 
 EARTH, BODY = 16, 19
@@ -189,14 +187,14 @@ def test_compass_that_fails_its_gate_for_10_s_is_lost_until_it_passes_again(magc
 
 
 def test_compass_that_comes_is_used_from_that_pass_on() -> None:
-    rig = standing("66661", has_compass=False)
-    for _ in range(5):
+    for passes in range(5):
+        rig = standing("66661", has_compass=False)
+        for _ in range(passes):
+            rig.one_pass()
         assert not rig.core.yaw.uses_compass
-        with_one = Copies(rig).make()
-        with_one.core.inputs.has_compass = True
-        with_one.one_pass()
-        assert with_one.core.yaw.uses_compass
+        rig.core.inputs.has_compass = True
         rig.one_pass()
+        assert rig.core.yaw.uses_compass
 
 
 # Several compasses
@@ -204,7 +202,9 @@ def test_compass_that_comes_is_used_from_that_pass_on() -> None:
 
 def several(count: int = 3, *, in_flight: bool = True, run_s: float = 3.0) -> FilterRig:
     """Return a vehicle with some compasses that has been running for a while."""
-    rig = _several(count).make()
+    rig = FilterRig("66661", has_compass=True, loop_us=SLOW_LOOP_US)
+    rig.compass_count = count
+    rig.run(3.0)
     if in_flight:
         rig.arm()
         rig.flying_ms = 6000
@@ -212,14 +212,6 @@ def several(count: int = 3, *, in_flight: bool = True, run_s: float = 3.0) -> Fi
     rig.run(run_s - 3.0)
     rig.forget()
     return rig
-
-
-@cache
-def _several(count: int) -> Copies[FilterRig]:
-    rig = FilterRig("66661", has_compass=True, loop_us=SLOW_LOOP_US)
-    rig.compass_count = count
-    rig.run(3.0)
-    return Copies(rig)
 
 
 def fail_gate(rig: FilterRig) -> None:

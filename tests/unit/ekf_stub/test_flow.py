@@ -3,19 +3,18 @@
 """Optical flow: which measurements are taken, what is expected of them, and how they aid."""
 
 import math
-from functools import cache
 from typing import Any
 
 import pytest
 
-from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (
     MOVING,
     NO_AIDING,
     RELATIVE,
     SLOW_LOOP_US,
     FilterRig,
-    compared,
+    Start,
+    run_until_due,
     standing,
 )
 
@@ -25,21 +24,16 @@ UP = 4.0
 VEL = 4
 
 
-@cache
-def _on_the_ground() -> Copies[FilterRig]:
+def on_the_ground() -> FilterRig:
+    """Return a vehicle that has navigated by flow, on the ground, since its tilt was aligned."""
     rig = standing("05101", has_compass=True, run_s=1.1)
     rig.feeds |= {"flow", "ranges"}
     rig.run(1.4)
-    return Copies(rig)
+    return rig
 
 
-def on_the_ground() -> FilterRig:
-    """Return a vehicle that has navigated by flow, on the ground, since its tilt was aligned."""
-    return _on_the_ground().make()
-
-
-@cache
-def _flying(options: tuple[tuple[str, float], ...]) -> Copies[FilterRig]:
+def flying(**params: float) -> FilterRig:
+    """Return a vehicle 4 m above the ground that has seen flow, and whose sensors say nothing for now."""
     rig = FilterRig("05106", loop_us=SLOW_LOOP_US)
     rig.arm()
     rig.ground = 0.1
@@ -51,28 +45,22 @@ def _flying(options: tuple[tuple[str, float], ...]) -> Copies[FilterRig]:
     rig.climb(UP - 0.1)
     rig.run(1.0)
     assert rig.core.flags & TAKEOFF_DETECTED
-    for name, value in options:
+    for name, value in params.items():
         rig.set_param(name, value)
     rig.lose("flow", "ranges", "baro")
     rig.run(0.2)
     rig.forget()
-    return Copies(rig)
+    return rig
 
 
-def flying(**params: float) -> FilterRig:
-    """Return a vehicle 4 m above the ground that has seen flow, and whose sensors say nothing for now."""
-    return _flying(tuple(params.items())).make()
-
-
-def tell(rig: FilterRig, x: float, y: float, **fields: Any) -> tuple[FilterRig, FilterRig]:
+def tell(start: Start, x: float, y: float, **fields: Any) -> tuple[FilterRig, FilterRig]:
     """Let a flow come due in a vehicle; return it and one without."""
-    before = rig.now_ms
-
-    def say(rig: FilterRig) -> None:
-        rig.flow(x, y, **fields)
-
-    # It is of 66 ms before, which the horizon has reached by the time that it comes, at passes of 20 ms.
-    return compared(rig, say, lambda core: core.ext_nav.horizon_ms >= before - 66)
+    rig, other = start(), start()
+    # The flow is of 66 ms before, which the horizon has reached by the time that it comes, at passes of 20 ms.
+    time_ms = rig.now_ms - 66
+    rig.flow(x, y, **fields)
+    run_until_due(rig, other, lambda core: core.ext_nav.horizon_ms >= time_ms)
+    return rig, other
 
 
 def above(rig: FilterRig) -> float:
@@ -83,7 +71,7 @@ def above(rig: FilterRig) -> float:
 
 
 def test_flow_is_expected_to_be_velocity_over_height() -> None:
-    told, other = tell(flying(), 0.1, -0.2)
+    told, other = tell(flying, 0.1, -0.2)
     north, east, _ = other.body_velocity()
     height = above(other)
     assert height == pytest.approx(UP, abs=0.3)
@@ -94,8 +82,7 @@ def test_flow_is_expected_to_be_velocity_over_height() -> None:
 
 
 def test_flow_is_fused_with_its_noise_and_through_its_gate() -> None:
-    rig = flying()
-    told, other = tell(rig, 0.1, 0.0)
+    told, other = tell(flying, 0.1, 0.0)
     height = above(other)
     spread = other.core.state.cov.var(VEL + 1) / height**2
     innovation = told.core.flow.innovations[0]
@@ -106,22 +93,22 @@ def test_flow_is_fused_with_its_noise_and_through_its_gate() -> None:
 
 
 def test_turning_is_not_taken_for_moving() -> None:
-    still, _ = tell(flying(), 0.0, 0.0)
-    turning, _ = tell(flying(), 0.5, -0.3, gyro=(0.5, -0.3))
+    still, _ = tell(flying, 0.0, 0.0)
+    turning, _ = tell(flying, 0.5, -0.3, gyro=(0.5, -0.3))
     # But for the bias that the sensor's gyro seems to have: a hundredth of a difference of at most 0.1 rad/s.
     assert turning.core.flow.innovations == pytest.approx(still.core.flow.innovations, abs=1.1e-3)
 
 
 def test_turning_moves_a_sensor_that_is_off_the_imu() -> None:
-    here, _ = tell(flying(), 0.0, 0.8, gyro=(0.0, 0.8))
-    below, other = tell(flying(), 0.0, 0.8, gyro=(0.0, 0.8), offset=(0.0, 0.0, 1.0))
+    here, _ = tell(flying, 0.0, 0.8, gyro=(0.0, 0.8))
+    below, other = tell(flying, 0.0, 0.8, gyro=(0.0, 0.8), offset=(0.0, 0.0, 1.0))
     # It is a metre nearer to the ground, and swings as fast as the vehicle turns.
     expected = here.core.flow.innovations[1] - 0.8 / (above(other) - 1.0)
     assert below.core.flow.innovations[1] == pytest.approx(expected, rel=0.01)
 
 
 def test_flow_beyond_its_gate_is_not_fused() -> None:
-    told, other = tell(flying(), 2.5, -2.5)
+    told, other = tell(flying, 2.5, -2.5)
     assert min(told.core.flow.ratios) > 1
     assert told.core.state.vel == other.core.state.vel
     assert told.core.aiding.flow_ms < told.now_ms
@@ -129,7 +116,7 @@ def test_flow_beyond_its_gate_is_not_fused() -> None:
 
 @pytest.mark.parametrize("params", [{"SRC1_VELXY": 6}, {"FLOW_USE": 2}, {"FLOW_USE": 0}])
 def test_flow_that_is_not_for_navigation_is_tested_alone(params: dict[str, float]) -> None:
-    told, other = tell(flying(**params), 0.3, 0.2)
+    told, other = tell(lambda: flying(**params), 0.3, 0.2)
     assert told.core.flow.innovations[0] > 0.25
     assert told.core.state.vel == other.core.state.vel
 
@@ -137,7 +124,7 @@ def test_flow_that_is_not_for_navigation_is_tested_alone(params: dict[str, float
 @pytest.mark.parametrize(("rate", "is_fused"), [(1.1, True), (-1.1, False)])
 def test_flow_that_turns_too_fast_one_way_round_is_not_fused(rate: float, is_fused: bool) -> None:
     # Of both, as the firmware compares with the sign: the filter has the other sign than the sensor.
-    told, other = tell(flying(FLOW_MAX=1.0), rate, 0.1, gyro=(rate, 0.0))
+    told, other = tell(lambda: flying(FLOW_MAX=1.0), rate, 0.1, gyro=(rate, 0.0))
     assert (told.core.state.vel != other.core.state.vel) is is_fused
 
 
@@ -152,7 +139,7 @@ def test_tilted_vehicle_does_not_see_the_ground() -> None:
 
 
 def test_sensor_on_the_ground_measures_nothing() -> None:
-    told, other = tell(flying(), 0.1, 0.1, offset=(0.0, 0.0, 1e9))
+    told, other = tell(flying, 0.1, 0.1, offset=(0.0, 0.0, 1e9))
     # Where it is nonsense, the flow that is expected is none.
     assert told.core.state.vel == pytest.approx(other.core.state.vel, abs=1e-6)
 
@@ -169,15 +156,17 @@ def test_sensor_on_the_ground_measures_nothing() -> None:
     {"offset": (0.0, NAN, 0.0)},
 ])  # fmt: skip
 def test_bad_one_comes_in_but_is_not_kept(change: dict[str, Any]) -> None:
-    rig = flying()
-    rig.run(1.2)
-    valid_ms = rig.core.flow_reading.valid_ms
-    told, other = tell(rig, **{"x": 0.3, "y": 0.2, **change})
+    def start() -> FilterRig:
+        rig = flying()
+        rig.run(1.2)
+        return rig
+
+    told, other = tell(start, **{"x": 0.3, "y": 0.2, **change})
     assert told.core.flow_reading.received_ms > other.core.flow_reading.received_ms
-    assert told.core.flow_reading.valid_ms == valid_ms
+    assert told.core.flow_reading.valid_ms == other.core.flow_reading.valid_ms
     assert told.core.flow.innovations == other.core.flow.innovations
     # AND it spoils nothing of the next
-    after, _ = tell(told, 0.3, 0.2)
+    after, _ = tell(lambda: told, 0.3, 0.2)
     assert all(map(math.isfinite, (*after.core.flow.innovations, *after.core.state.vel)))
 
 
@@ -211,13 +200,16 @@ def test_measurement_waits_until_the_horizon_has_its_middle() -> None:
 
 def test_bias_of_its_gyro_is_learned_slowly() -> None:
     # GIVEN a sensor whose gyro says 0.05 rad/s too much, and whose flow agrees
-    rig = flying(SRC1_VELXY=6)  # so that its velocity does not follow the flow
-    for _ in range(100):
-        rig.flow(0.05, 0.0, gyro=(0.05, 0.0))
-        rig.run(0.06)
+    def start() -> FilterRig:
+        rig = flying(SRC1_VELXY=6)  # so that its velocity does not follow the flow
+        for _ in range(100):
+            rig.flow(0.05, 0.0, gyro=(0.05, 0.0))
+            rig.run(0.06)
+        return rig
+
     # WHEN a flow comes without that bias
-    told, _ = tell(rig, 0.0, 0.0)
-    still, _ = tell(flying(), 0.0, 0.0)
+    told, _ = tell(start, 0.0, 0.0)
+    still, _ = tell(flying, 0.0, 0.0)
     # THEN some of it has been learned, a hundredth of the rest with each of 100
     learned = 0.05 * (1 - 0.99**101)
     assert told.core.flow.innovations[0] - still.core.flow.innovations[0] == pytest.approx(learned, abs=0.02)
@@ -328,6 +320,5 @@ def test_report_tells_of_ground_and_flow() -> None:
     assert terrain.range_m == 0.1
     assert terrain.range_innovation == pytest.approx(0.0, abs=0.01)
     assert 0 < terrain.sigma < 0.5
-    rig = flying()
-    told, _ = tell(rig, 0.2, 0.1)
+    told, _ = tell(flying, 0.2, 0.1)
     assert told.report.terrain.flow_ratio == max(told.core.flow.ratios) > 0

@@ -3,7 +3,6 @@
 """GPS: when it is good enough, what is said until then, how far it is believed, and what it tells of accelerometers."""
 
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,6 @@ import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.core.core import Core
-from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (
     GLITCHING,
     HOME,
@@ -21,6 +18,7 @@ from tests.unit.ekf_stub.filter_rig import (
     QUALITY_GOOD,
     SLOW_LOOP_US,
     FilterRig,
+    Start,
     by_gps,
     compared,
     reckoned,
@@ -34,17 +32,12 @@ GATE = 25.0
 
 def waiting(seconds: float, sources: str = "33131", **fields: Any) -> FilterRig:
     """Return a vehicle that has had solutions for so long."""
-    return _waiting(seconds, sources, tuple(fields.items())).make()
-
-
-@cache
-def _waiting(seconds: float, sources: str, fields: tuple[tuple[str, Any], ...]) -> Copies[FilterRig]:
     rig = standing(sources, has_compass=True, run_s=3.0, loop_us=SLOW_LOOP_US)
     rig.forget()
-    rig.gps = {"horizontal_accuracy": 5.0, "vertical_accuracy": 7.5, "speed_accuracy": 1.0, **dict(fields)}
+    rig.gps = {"horizontal_accuracy": 5.0, "vertical_accuracy": 7.5, "speed_accuracy": 1.0, **fields}
     rig.feeds.add("gps")
     rig.run(seconds)
-    return Copies(rig)
+    return rig
 
 
 # Checks
@@ -285,11 +278,15 @@ def test_solution_is_moved_from_the_antenna_to_the_imu() -> None:
 
 
 def fix(
-    rig: FilterRig, place: tuple[float, float, float] = (0.0, 0.0, 0.0), **fields: Any
+    start: Start, place: tuple[float, float, float] = (0.0, 0.0, 0.0), **fields: Any
 ) -> tuple[FilterRig, FilterRig]:
     """Let a solution come due in a vehicle; return it and one without."""
-    rig.lose("gps", "baro", "compass")
-    rig.run(0.1)
+
+    def without_sensors() -> FilterRig:
+        rig = start()
+        rig.lose("gps", "baro", "compass")
+        rig.run(0.1)
+        return rig
 
     def tell(rig: FilterRig) -> None:
         rig.gps, rig.gps_shift = fields, place
@@ -298,15 +295,12 @@ def fix(
         rig.feed()
         rig.feeds.discard("gps")
 
-    def is_due(core: Core) -> bool:
-        return core.gps.is_due
-
-    return compared(rig, tell, is_due)
+    return compared(without_sensors, tell, lambda core: core.gps.is_due)
 
 
 def test_gps_gives_position_and_velocity() -> None:
     vel: dict[str, Any] = {"vel_ned": Vector3f(0.1, -0.2, 0.3), "has_vertical_velocity": True}
-    told, other = fix(by_gps(), (1.0, -1.0, 0.0), **vel)
+    told, other = fix(by_gps, (1.0, -1.0, 0.0), **vel)
     delayed = told.core.gps.delayed
     assert delayed is not None
     north, east, _ = delayed.pos
@@ -321,21 +315,19 @@ def test_gps_gives_position_and_velocity() -> None:
 @pytest.mark.parametrize(("sources", "has_vertical"), [("33131", False), ("33101", True)])
 def test_gps_gives_vertical_velocity_if_it_has_one_and_is_its_source(sources: str, has_vertical: bool) -> None:
     vel: dict[str, Any] = {"vel_ned": Vector3f(0.1, -0.2, 0.3), "has_vertical_velocity": has_vertical}
-    told, other = fix(by_gps(sources), **vel)
+    told, other = fix(lambda: by_gps(sources), **vel)
     assert told.core.state.vel[0] > other.core.state.vel[0]
     assert told.core.state.vel[2] == pytest.approx(other.core.state.vel[2], abs=1e-3)
 
 
 def test_gps_may_give_position_alone() -> None:
-    told, other = fix(by_gps("30101"), (1.0, -1.0, 0.0), vel_ned=Vector3f(5, 5, 0))
+    told, other = fix(lambda: by_gps("30101"), (1.0, -1.0, 0.0), vel_ned=Vector3f(5, 5, 0))
     assert told.core.state.pos[0] > other.core.state.pos[0]
     assert told.report.vel_ratio == other.report.vel_ratio
 
 
 def test_accuracies_of_the_gps_count_but_not_at_the_gate_of_velocity() -> None:
-    told, other = fix(
-        by_gps(), (1.0, 0.0, 0.0), vel_ned=Vector3f(0.1, 0, 0), horizontal_accuracy=2.0, speed_accuracy=1.0
-    )
+    told, other = fix(by_gps, (1.0, 0.0, 0.0), vel_ned=Vector3f(0.1, 0, 0), horizontal_accuracy=2.0, speed_accuracy=1.0)
     delayed = told.core.gps.delayed
     assert delayed is not None
     vels = (VEL, 0.1, 1.0), (VEL + 1, 0.0, 1.0)
@@ -349,7 +341,7 @@ def test_accuracies_of_the_gps_count_but_not_at_the_gate_of_velocity() -> None:
 
 @pytest.mark.parametrize(("satellites", "scale"), [(10, 1.0), (5, 1.4), (4, 2.0)])
 def test_few_satellites_count_for_less(satellites: int, scale: float) -> None:
-    told, other = fix(by_gps(), (1.0, 0.0, 0.0), num_sats=satellites, horizontal_accuracy=1.0)
+    told, other = fix(by_gps, (1.0, 0.0, 0.0), num_sats=satellites, horizontal_accuracy=1.0)
     assert told.core.gps.noise_scaler == scale
     delayed = told.core.gps.delayed
     assert delayed is not None
@@ -358,9 +350,10 @@ def test_few_satellites_count_for_less(satellites: int, scale: float) -> None:
     assert told.core.state.pos[0] == pytest.approx(states[POS], abs=1e-5)
 
 
-def test_position_that_is_assumed_for_want_of_gps_counts_for_less() -> None:
+@pytest.mark.parametrize(("sources", "noise"), [("33131", 1.0), ("60131", 0.5)])
+def test_position_that_is_assumed_for_want_of_gps_counts_for_less(sources: str, noise: float) -> None:
     # GIVEN a vehicle that does not navigate, and so sees few satellites as far as it knows
-    for sources, noise in (("33131", 1.0), ("60131", 0.5)):
+    def start() -> FilterRig:
         rig = standing(sources, has_compass=True, loop_us=SLOW_LOOP_US)
         rig.feeds.add("gps")
         rig.run(0.3)
@@ -368,12 +361,14 @@ def test_position_that_is_assumed_for_want_of_gps_counts_for_less() -> None:
         rig.accel_bias = [(2.0, 0.0, 0.0)]
         rig.run(0.3)
         rig.accel_bias = [(0.0, 0.0, 0.0)]
-        told, other = compared(
-            rig, lambda rig: rig.core.inputs.set_baro(rig.now_ms, 0.0), lambda core: core.height.is_new
-        )
-        moved = 1 - told.core.state.pos[0] / other.core.state.pos[0]
-        assert rig.core.gps.noise_scaler == 2.0
-        assert moved == pytest.approx(weight(other.core.state.cov.var(POS), noise), rel=0.01)
+        return rig
+
+    told, other = compared(
+        start, lambda rig: rig.core.inputs.set_baro(rig.now_ms, 0.0), lambda core: core.height.is_new
+    )
+    moved = 1 - told.core.state.pos[0] / other.core.state.pos[0]
+    assert told.core.gps.noise_scaler == 2.0
+    assert moved == pytest.approx(weight(other.core.state.cov.var(POS), noise), rel=0.01)
 
 
 def test_accuracies_have_limits_and_those_not_given_are_0() -> None:

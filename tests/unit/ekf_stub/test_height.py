@@ -4,7 +4,6 @@
 
 import itertools
 import math
-from functools import cache
 
 import pytest
 
@@ -13,14 +12,15 @@ from ekf_stub.core.core import Core
 from ekf_stub.core.params import BARO, EXTNAV, GPS, NONE, RANGEFINDER
 from ekf_stub.inputs.measurements import RangeStatus
 from ekf_stub.release import APRIL_2026, JULY_2025, FilterRelease
-from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (
     HOME,
     MODE_ABSOLUTE,
     SLOW_LOOP_US,
     FilterRig,
+    Start,
     by_gps,
     compared,
+    has_pose,
     navigating,
     reckoned,
     standing,
@@ -36,14 +36,14 @@ def is_new(core: Core) -> bool:
     return core.height.is_new
 
 
-def press(rig: FilterRig, height: float) -> tuple[FilterRig, FilterRig]:
+def press(start: Start, height: float) -> tuple[FilterRig, FilterRig]:
     """Let a height of the barometer come due in a vehicle; return it and one without."""
-    return compared(rig, lambda rig: rig.core.inputs.set_baro(rig.now_ms, height), is_new)
+    return compared(start, lambda rig: rig.core.inputs.set_baro(rig.now_ms, height), is_new)
 
 
-def pose(rig: FilterRig, z: float, err: float = 0.2) -> tuple[FilterRig, FilterRig]:
+def pose(start: Start, z: float, err: float = 0.2) -> tuple[FilterRig, FilterRig]:
     """Let a pose come due in a vehicle; return it and one without."""
-    return compared(rig, lambda rig: rig.camera(0.0, 0.0, z, yaw=NAN, err=err))
+    return compared(start, lambda rig: rig.camera(0.0, 0.0, z, yaw=NAN, err=err), has_pose)
 
 
 def quiet(sources: str = "66166", **options: object) -> FilterRig:
@@ -67,9 +67,12 @@ def variance_of(rig: FilterRig) -> float:
 
 @pytest.mark.parametrize(("noise", "sigma"), [(0.01, 0.1), (2.0, 2.0), (5.0, 5.0), (1000.0, 100.0)])
 def test_height_of_the_barometer_is_fused_with_a_noise_within_limits(noise: float, sigma: float) -> None:
-    rig = quiet()
-    rig.set_param("ALT_M_NSE", noise)
-    told, other = press(rig, 0.3)
+    def start() -> FilterRig:
+        rig = quiet()
+        rig.set_param("ALT_M_NSE", noise)
+        return rig
+
+    told, other = press(start, 0.3)
     states = reckoned(other, (POS + 2, -0.3, sigma**2))
     assert down_of(told) == pytest.approx(states[POS + 2], abs=1e-9)
     assert told.core.aiding.height_ms == told.now_ms
@@ -89,31 +92,41 @@ def test_same_reading_of_the_barometer_counts_once() -> None:
 @pytest.mark.parametrize("navigates", [False, True])
 @pytest.mark.parametrize("passes", [True, False])
 def test_gate_of_height_is_wider_for_a_vehicle_that_stands(navigates: bool, passes: bool) -> None:
-    rig = quiet() if navigates else standing("66166")
-    rig.lose("baro")
-    _, other = press(rig, 0.0)
+    def start() -> FilterRig:
+        rig = quiet() if navigates else standing("66166")
+        rig.lose("baro")
+        return rig
+
+    _, other = press(start, 0.0)
     limit = math.sqrt((1.0 if navigates else 3.0) * GATE * (variance_of(other) + 4.0))
-    told, other = press(rig, limit * (0.999 if passes else 1.001) - down_of(other))
+    told, other = press(start, limit * (0.999 if passes else 1.001) - down_of(other))
     assert (down_of(told) < down_of(other) - 0.05) is passes
     assert (told.core.aiding.height_ms == told.now_ms) is passes
     assert told.report.pos_innovation[2] == pytest.approx(limit, rel=2e-3)
 
 
 def test_height_of_a_standing_vehicle_that_is_armed_has_the_narrow_gate() -> None:
-    rig = standing("66166")
-    rig.lose("baro")
-    rig.arm()
-    rig.one_pass()
-    _, other = press(rig, 0.0)
-    told, _ = press(rig, 1.2 * math.sqrt(GATE * (variance_of(other) + 4.0)))
+    def start() -> FilterRig:
+        rig = standing("66166")
+        rig.lose("baro")
+        rig.arm()
+        rig.one_pass()
+        return rig
+
+    _, other = press(start, 0.0)
+    told, _ = press(start, 1.2 * math.sqrt(GATE * (variance_of(other) + 4.0)))
     assert told.core.aiding.height_ms < told.now_ms
 
 
 def test_low_air_pressure_at_take_off_is_not_believed() -> None:
     """The vehicle seems to sink by 3 m as its rotors blow at the ground: only what is beyond the dead zone counts."""
-    rig = quiet()
-    rig.arm(takeoff=True)
-    told, other = press(rig, -3.0)
+
+    def start() -> FilterRig:
+        rig = quiet()
+        rig.arm(takeoff=True)
+        return rig
+
+    told, other = press(start, -3.0)
     assert told.report.pos_innovation[2] == pytest.approx(-0.5)
     part = variance_of(other) / (variance_of(other) + 16.0)  # half as much of it is believed
     assert down_of(told) - down_of(other) == pytest.approx(0.5 * part, rel=1e-4)
@@ -122,17 +135,23 @@ def test_low_air_pressure_at_take_off_is_not_believed() -> None:
 
 @pytest.mark.parametrize("what", ["takeoff", "touchdown"])
 def test_rise_near_the_ground_is_believed(what: str) -> None:
-    rig = quiet()
-    rig.arm(takeoff=what == "takeoff", touchdown=what == "touchdown")
-    told, other = press(rig, 3.0)
+    def start() -> FilterRig:
+        rig = quiet()
+        rig.arm(takeoff=what == "takeoff", touchdown=what == "touchdown")
+        return rig
+
+    told, other = press(start, 3.0)
     assert told.report.pos_innovation[2] == pytest.approx(3.0 + down_of(other))
 
 
 def test_sinking_that_is_beyond_the_dead_zone_counts() -> None:
-    rig = quiet()
-    rig.set_param("HGT_I_GATE", 1000)
-    rig.arm(touchdown=True)
-    told, other = press(rig, -10.0)
+    def start() -> FilterRig:
+        rig = quiet()
+        rig.set_param("HGT_I_GATE", 1000)
+        rig.arm(touchdown=True)
+        return rig
+
+    told, other = press(start, -10.0)
     assert told.report.pos_innovation[2] == pytest.approx(-10.0 + 3.5 + down_of(other))
 
 
@@ -141,11 +160,14 @@ def test_sinking_that_is_beyond_the_dead_zone_counts() -> None:
 
 @pytest.mark.parametrize(("err", "sigma"), [(0.01, 0.1), (0.5, 0.5), (50.0, 10.0)])
 def test_height_of_a_pose_is_fused_with_its_error_within_limits(err: float, sigma: float) -> None:
-    rig = quiet("66666")
-    rig.camera(yaw=NAN)  # so that it is the source
-    rig.run(0.1)
-    rig.forget()
-    told, other = pose(rig, -0.2, err)
+    def start() -> FilterRig:
+        rig = quiet("66666")
+        rig.camera(yaw=NAN)  # so that it is the source
+        rig.run(0.1)
+        rig.forget()
+        return rig
+
+    told, other = pose(start, -0.2, err)
     # Position is fused first, with which height has next to nothing to do.
     part = variance_of(other) / (variance_of(other) + sigma**2)
     assert down_of(told) - down_of(other) == pytest.approx(part * (-0.2 - down_of(other)), rel=1e-3)
@@ -153,11 +175,14 @@ def test_height_of_a_pose_is_fused_with_its_error_within_limits(err: float, sigm
 
 
 def test_height_of_a_pose_beyond_its_gate_is_rejected() -> None:
-    rig = quiet("66666")
-    rig.camera(yaw=NAN)
-    rig.run(0.1)
-    rig.forget()
-    told, other = pose(rig, -20.0)
+    def start() -> FilterRig:
+        rig = quiet("66666")
+        rig.camera(yaw=NAN)
+        rig.run(0.1)
+        rig.forget()
+        return rig
+
+    told, other = pose(start, -20.0)
     assert down_of(told) == pytest.approx(down_of(other), abs=1e-6)  # position is fused, and says a little of it
     code, ratio, innovation = told.last_test("height")
     assert (code, ratio > 1) == ("model_gate_height", True)
@@ -194,8 +219,10 @@ def test_pose_counts_as_the_source_as_soon_as_it_is_taken_but_measures_as_it_com
 
 @pytest.mark.parametrize("sources", ["66166", "66066"])
 def test_poses_of_no_source_measure_no_height(sources: str) -> None:
-    rig = quiet(sources)
-    told, _ = pose(rig, -5.0)
+    def start() -> FilterRig:
+        return quiet(sources)
+
+    told, _ = pose(start, -5.0)
     assert told.core.height.active != EXTNAV
     assert down_of(told) > -0.1
 
@@ -205,12 +232,15 @@ def test_poses_of_no_source_measure_no_height(sources: str) -> None:
 
 def test_other_source_is_followed_ungated_and_leaves_the_covariance() -> None:
     # GIVEN a vehicle whose height is the barometer's
-    rig = quiet("66166")
-    before = variance_of(rig)
-    rig.forget()
-    # WHEN the camera becomes its source, a kilometre up
-    rig.set_param("SRC1_POSZ", EXTNAV)
-    told, other = pose(rig, -1000.0)
+    def start() -> FilterRig:
+        rig = quiet("66166")
+        # WHEN the camera becomes its source, a kilometre up
+        rig.set_param("SRC1_POSZ", EXTNAV)
+        return rig
+
+    before = variance_of(quiet("66166"))
+
+    told, other = pose(start, -1000.0)
     # THEN state and output go there, and all is as certain as after any other pose
     assert down_of(told) == pytest.approx(-1000.0, abs=1e-6)
     assert told.core.output.now.pos[2] == pytest.approx(-1000.0, abs=0.1)
@@ -221,11 +251,14 @@ def test_other_source_is_followed_ungated_and_leaves_the_covariance() -> None:
 
 
 def test_gap_too_short_for_the_barometer_to_measure_changes_nothing() -> None:
-    rig = quiet("66666")
-    rig.camera(yaw=NAN)
-    rig.run(0.53)
-    assert rig.core.height.active == BARO
-    told, other = pose(rig, -9.0)
+    def start() -> FilterRig:
+        rig = quiet("66666")
+        rig.camera(yaw=NAN)
+        rig.run(0.53)
+        assert rig.core.height.active == BARO
+        return rig
+
+    told, other = pose(start, -9.0)
     assert told.core.height.active == EXTNAV
     # It fails its gate, as if nothing had been; position is fused, and says a little of height.
     assert down_of(told) == pytest.approx(down_of(other), abs=1e-6)
@@ -236,15 +269,18 @@ def test_barometer_is_followed_by_a_tenth_a_reading_or_half_a_metre_while_it_is_
     height: float, followed: float
 ) -> None:
     # GIVEN a vehicle whose height is the camera's, and a barometer that says otherwise from now on
-    rig = navigating("66666")
-    rig.lose("baro")
-    for _ in range(3):
-        rig.core.inputs.set_baro(rig.now_ms, height)
-        rig.run(0.15)
-    # WHEN the camera is lost after three readings
-    rig.lose("camera")
-    rig.skip(0.4)
-    told, _ = press(rig, height)
+    def start() -> FilterRig:
+        rig = navigating("66666")
+        rig.lose("baro")
+        for _ in range(3):
+            rig.core.inputs.set_baro(rig.now_ms, height)
+            rig.run(0.15)
+        # WHEN the camera is lost after three readings
+        rig.lose("camera")
+        rig.skip(0.4)
+        return rig
+
+    told, _ = press(start, height)
     # THEN the barometer counts from where it was followed to
     assert told.core.height.active == BARO
     assert told.core.height.down == pytest.approx(followed - height, abs=1e-3)  # the camera's height is 0.1 mm
@@ -277,12 +313,15 @@ def test_height_is_lost_after_10_s_where_velocity_goes_on(silence_s: float, lost
 
 def test_height_that_is_lost_is_reset_to() -> None:
     # GIVEN a parked vehicle that has had no height for 5 s
-    rig = quiet("66166", loop_us=SLOW_LOOP_US)
-    rig.skip(5.0)
-    rig.run(0.1)
-    assert rig.core.height.is_lost
+    def start() -> FilterRig:
+        rig = quiet("66166", loop_us=SLOW_LOOP_US)
+        rig.skip(5.0)
+        rig.run(0.1)
+        assert rig.core.height.is_lost
+        return rig
+
     # WHEN one comes, however far away
-    told, _ = press(rig, 1000.0)
+    told, _ = press(start, 1000.0)
     # THEN it is gone to, and the vehicle does not climb
     assert down_of(told) == -1000.0
     assert told.core.output.now.pos[2] == pytest.approx(-1000.0, abs=1e-3)
@@ -295,20 +334,22 @@ def test_height_that_is_lost_is_reset_to() -> None:
 @pytest.mark.parametrize(("armed", "flying_ms", "expected"), [(False, 0, 0.0), (True, 0, None), (True, 6000, 2.0)])
 def test_vertical_velocity_after_a_reset_of_height(armed: bool, flying_ms: int, expected: float | None) -> None:
     # GIVEN a vehicle whose height is the camera's, and which has had none for long
-    rig = navigating("60606", "velocity", loop_us=SLOW_LOOP_US)
-    rig.lose("camera", "baro", "velocity")
-    rig.skip(10.2)
-    rig.arm(armed)
-    rig.flying_ms = flying_ms
-    rig.run(0.1)
-    assert rig.core.height.is_lost
+    def start() -> FilterRig:
+        rig = navigating("60606", "velocity", loop_us=SLOW_LOOP_US)
+        rig.lose("camera", "baro", "velocity")
+        rig.skip(10.2)
+        rig.arm(armed)
+        rig.flying_ms = flying_ms
+        rig.run(0.1)
+        assert rig.core.height.is_lost
+        return rig
 
     # WHEN a pose comes, after a velocity
     def tell(rig: FilterRig) -> None:
         rig.velocity(0.0, 0.0, 2.0, err=0.3)
         rig.camera(0.0, 0.0, -5.0, yaw=NAN)
 
-    told, other = compared(rig, tell)
+    told, other = compared(start, tell, has_pose)
     # THEN it is 0 on the ground, as before when that is not sure, and the camera's in flight
     assert down_of(told) == -5.0
     assert told.core.state.vel[2] == pytest.approx(other.core.state.vel[2] if expected is None else expected)
@@ -316,14 +357,17 @@ def test_vertical_velocity_after_a_reset_of_height(armed: bool, flying_ms: int, 
 
 
 def test_vertical_velocity_of_the_camera_is_for_heights_of_the_same() -> None:
-    rig = navigating("60106", "velocity", loop_us=SLOW_LOOP_US)
-    rig.lose("camera", "baro", "velocity")
-    rig.skip(10.2)
-    rig.arm()
-    rig.flying_ms = 6000
-    rig.velocity(0.0, 0.0, 2.0)
-    rig.run(0.2)
-    told, other = press(rig, 5.0)
+    def start() -> FilterRig:
+        rig = navigating("60106", "velocity", loop_us=SLOW_LOOP_US)
+        rig.lose("camera", "baro", "velocity")
+        rig.skip(10.2)
+        rig.arm()
+        rig.flying_ms = 6000
+        rig.velocity(0.0, 0.0, 2.0)
+        rig.run(0.2)
+        return rig
+
+    told, other = press(start, 5.0)
     assert down_of(told) == -5.0
     assert told.core.state.vel[2] == pytest.approx(other.core.state.vel[2])
 
@@ -382,24 +426,19 @@ def test_aiding_by_a_pose_resets_position_height_and_velocity_to_it() -> None:
 # Range finders
 
 
-@cache
-def _hovering(up_m: float, options: tuple[tuple[str, float], ...]) -> Copies[FilterRig]:
+def hovering(up_m: float = 10.0, **params: float) -> FilterRig:
+    """Return a vehicle at a height that the barometer gives, and the range finder up to half of its 40 m."""
     rig = FilterRig("66106", loop_us=SLOW_LOOP_US)
     rig.pos, rig.ground = (0.0, 0.0, -up_m), 0.0
     rig.feeds |= {"camera", "velocity", "ranges"}
     rig.arm()
     rig.run(9.0)  # ranges fail their gate for 5 s, as height has been reset since the first
     assert rig.mode == MODE_ABSOLUTE
-    for name, value in options:
+    for name, value in {"RNG_USE_HGT": 50, "RNG_USE_SPD": 3, **params}.items():
         rig.set_param(name, value)
     rig.run(0.2)
     rig.forget()
-    return Copies(rig)
-
-
-def hovering(up_m: float = 10.0, **params: float) -> FilterRig:
-    """Return a vehicle at a height that the barometer gives, and the range finder up to half of its 40 m."""
-    return _hovering(up_m, tuple({"RNG_USE_HGT": 50, "RNG_USE_SPD": 3, **params}.items())).make()
+    return rig
 
 
 @pytest.mark.parametrize(("up_m", "active"), [(10.0, RANGEFINDER), (13.5, RANGEFINDER), (14.5, BARO)])

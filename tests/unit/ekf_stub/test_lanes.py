@@ -3,32 +3,25 @@
 """Several cores, each with an IMU of its own: which is the primary one, and what happens as an IMU fails."""
 
 import math
-from functools import cache
 from typing import Any
 
 import pytest
 
 from ap_core.location import Location
-from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import HOME, SLOW_LOOP_US, FilterRig
 
 PARIS = Location(488_566_000, 23_522_000, 3500)
 
 
-@cache
-def _several(cores: int, options: tuple[tuple[str, Any], ...]) -> Copies[FilterRig]:
-    rig = FilterRig("66666", cores=cores, loop_us=SLOW_LOOP_US, **dict(options))
+def several(cores: int = 3, **params: Any) -> FilterRig:
+    """Return a vehicle with IMUs that are alike, which navigates by its camera and may choose among its cores."""
+    rig = FilterRig("66666", cores=cores, loop_us=SLOW_LOOP_US, **params)
     rig.feeds |= {"camera", "velocity"}
     rig.run(3.5)
     rig.skip(10.0)  # so long must the primary core have been healthy
     rig.run(0.5)
     rig.forget()
-    return Copies(rig)
-
-
-def several(cores: int = 3, **params: float) -> FilterRig:
-    """Return a vehicle with IMUs that are alike, which navigates by its camera and may choose among its cores."""
-    return _several(cores, tuple(params.items())).make()
+    return rig
 
 
 def spoil(rig: FilterRig, imu: int, accel: float = 4.0) -> None:

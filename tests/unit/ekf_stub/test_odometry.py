@@ -3,15 +3,12 @@
 """Velocity in the body frame: what is expected, which axes pass, what they change, and how long it aids."""
 
 import math
-from functools import cache
 
 import numpy as np
 import pytest
 
-from ekf_stub.core.core import Core
 from ekf_stub.core.vectors import matrix, quat_of_euler, to_body
 from ekf_stub.release import APRIL_2026, JULY_2025, FilterRelease
-from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (
     DELAY_MS,
     MODE_ABSOLUTE,
@@ -21,8 +18,9 @@ from tests.unit.ekf_stub.filter_rig import (
     SLOW_LOOP_US,
     START_US,
     FilterRig,
-    compared,
+    Start,
     navigating,
+    run_until_due,
     standing,
 )
 
@@ -30,8 +28,7 @@ GATE_SIGMAS = 5.0
 VEL, POS = 4, 7
 
 
-@cache
-def _just_moving() -> tuple[FilterRig, float]:
+def just_moving() -> tuple[FilterRig, float]:
     """Return a vehicle that has begun to navigate by odometry, and the worst variance of a gyro's bias just before."""
     rig = standing("06101", has_compass=True, loop_us=SLOW_LOOP_US)
     rig.feeds.add("odometry")
@@ -44,28 +41,22 @@ def _just_moving() -> tuple[FilterRig, float]:
     return rig, worst
 
 
-@cache
-def _moving() -> Copies[FilterRig]:
-    rig = Copies(_just_moving()[0]).make()
+def moving() -> FilterRig:
+    """Return a vehicle that navigates by odometry, and whose sensors say nothing for now."""
+    rig, _ = just_moving()
     rig.feeds -= {"odometry", "baro", "compass"}
     rig.run(0.3)
     rig.forget()
-    return Copies(rig)
+    return rig
 
 
-def moving() -> FilterRig:
-    """Return a vehicle that navigates by odometry, and whose sensors say nothing for now."""
-    return _moving().make()
-
-
-def tell(rig: FilterRig, x: float, y: float = 0.0, z: float = 0.0, **fields: object) -> tuple[FilterRig, FilterRig]:
+def tell(start: Start, x: float, y: float = 0.0, z: float = 0.0, **fields: object) -> tuple[FilterRig, FilterRig]:
     """Let odometry come due in a vehicle; return it and one without."""
+    rig, other = start(), start()
     before = rig.core.odometry.recalled
-
-    def is_due(core: Core) -> bool:
-        return core.odometry.recalled > before
-
-    return compared(rig, lambda rig: rig.odometry(x, y, z, **fields), is_due)
+    rig.odometry(x, y, z, **fields)
+    run_until_due(rig, other, lambda core: core.odometry.recalled > before)
+    return rig, other
 
 
 def innovation_of(rig: FilterRig) -> tuple[float, float, float]:
@@ -77,14 +68,17 @@ def innovation_of(rig: FilterRig) -> tuple[float, float, float]:
 
 @pytest.mark.parametrize("mode", [NO_AIDING, MODE_ABSOLUTE, RELATIVE])
 def test_odometry_is_fused_in_every_mode(mode: int) -> None:
-    rig = {
-        NO_AIDING: lambda: standing("06101", run_s=2.0),
-        MODE_ABSOLUTE: lambda: navigating("66101", has_compass=True),
-        RELATIVE: moving,
-    }[mode]()
-    rig.lose("camera", "baro", "compass")
-    assert rig.mode == mode
-    told, other = tell(rig, 0.1)
+    def start() -> FilterRig:
+        rig = {
+            NO_AIDING: lambda: standing("06101", run_s=2.0),
+            MODE_ABSOLUTE: lambda: navigating("66101", has_compass=True),
+            RELATIVE: moving,
+        }[mode]()
+        rig.lose("camera", "baro", "compass")
+        assert rig.mode == mode
+        return rig
+
+    told, other = tell(start, 0.1)
     assert told.core.state.vel[0] > other.core.state.vel[0] + 0.01
     code, ratio, innovation = told.last_test("odometry")
     assert (code, 0 < ratio < 1) == ("model_fused", True)
@@ -93,7 +87,7 @@ def test_odometry_is_fused_in_every_mode(mode: int) -> None:
 
 @pytest.mark.parametrize("err", [0.1, 0.5, 0.9])
 def test_gain_follows_from_the_error(err: float) -> None:
-    told, other = tell(moving(), 0.1, err=err)
+    told, other = tell(moving, 0.1, err=err)
     # Attitude is known so well that next to nothing of the velocity's variance comes from there.
     variance = other.core.state.cov.var(VEL)
     assert told.core.odometry.variance[0] == pytest.approx(variance + err**2, rel=0.01)
@@ -122,31 +116,36 @@ def test_all_axes_depend_on_the_errors_that_were_found_before_the_first() -> Non
 @pytest.mark.parametrize("yaw", [0.0, math.pi / 2, -2.0])
 def test_velocity_is_expected_in_the_frame_of_the_body(yaw: float) -> None:
     # GIVEN a vehicle that drives east with any heading
-    rig = FilterRig("66106", loop_us=SLOW_LOOP_US)
-    rig.yaw = yaw
-    rig.feeds |= {"camera", "velocity"}
-    rig.run(3.5)
-    rig.move(0.0, 2.0, 0.0, 1.0)
-    rig.run(1.0)
-    rig.lose("camera", "velocity", "baro")
+    def start() -> FilterRig:
+        rig = FilterRig("66106", loop_us=SLOW_LOOP_US)
+        rig.yaw = yaw
+        rig.feeds |= {"camera", "velocity"}
+        rig.run(3.5)
+        rig.move(0.0, 2.0, 0.0, 1.0)
+        rig.run(1.0)
+        rig.lose("camera", "velocity", "baro")
+        return rig
+
     # WHEN odometry tells the body's velocity
-    told, _ = tell(rig, *to_body(matrix(quat_of_euler(0.0, 0.0, yaw)), (0.0, 2.0, 0.0)))
+    told, _ = tell(start, *to_body(matrix(quat_of_euler(0.0, 0.0, yaw)), (0.0, 2.0, 0.0)))
     # THEN that was expected, to what the filter knows
     assert innovation_of(told) == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
 
 
 def test_camera_away_from_the_imu_moves_as_the_vehicle_turns() -> None:
-    rig = navigating("66106", "velocity", loop_us=SLOW_LOOP_US)
-    rig.yaw_rate = 2.0
-    rig.run(1.0)
-    rig.lose("camera", "velocity", "baro")
-    told, _ = tell(rig, 0.0, offset=(0.5, 0.25, 0.0))
+    def start() -> FilterRig:
+        rig = navigating("66106", "velocity", loop_us=SLOW_LOOP_US)
+        rig.yaw_rate = 2.0
+        rig.run(1.0)
+        rig.lose("camera", "velocity", "baro")
+        return rig
+
+    told, _ = tell(start, 0.0, offset=(0.5, 0.25, 0.0))
     assert innovation_of(told) == pytest.approx((-0.5, 1.0, 0.0), abs=0.05)
 
 
 def test_position_is_corrected_with_the_velocity_it_depends_on() -> None:
-    rig = moving()
-    told, other = tell(rig, 0.1)
+    told, other = tell(moving, 0.1)
     cov = other.covariance()
     gain = cov[POS, VEL] / (cov[VEL, VEL] + 0.01)
     moved = told.core.state.pos[0] - other.core.state.pos[0]
@@ -157,14 +156,18 @@ def test_position_is_corrected_with_the_velocity_it_depends_on() -> None:
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_attitude_and_velocity_are_corrected_as_the_prediction_depends_on_them(axis: int) -> None:
     """Of a single axis that passes, states go by how much changing them changes the prediction."""
+
     # GIVEN a tilted vehicle that drives
-    rig = FilterRig("66106", loop_us=SLOW_LOOP_US)
-    rig.roll, rig.pitch, rig.yaw = 0.3, -0.4, 1.2
-    rig.feeds |= {"camera", "velocity"}
-    rig.run(3.5)
-    rig.move(1.0, -2.0, 0.5, 1.0)
-    rig.lose("camera", "velocity", "baro")
-    _, other = tell(rig, 0.0)
+    def start() -> FilterRig:
+        rig = FilterRig("66106", loop_us=SLOW_LOOP_US)
+        rig.roll, rig.pitch, rig.yaw = 0.3, -0.4, 1.2
+        rig.feeds |= {"camera", "velocity"}
+        rig.run(3.5)
+        rig.move(1.0, -2.0, 0.5, 1.0)
+        rig.lose("camera", "velocity", "baro")
+        return rig
+
+    _, other = tell(start, 0.0)
     quat, vel, cov = np.array(other.core.state.quat), np.array(other.core.state.vel), other.covariance()
 
     def predicted(quat: "np.ndarray[tuple[int], np.dtype[np.float64]]", vel: object) -> float:
@@ -189,7 +192,7 @@ def test_attitude_and_velocity_are_corrected_as_the_prediction_depends_on_them(a
     now = predicted(quat, vel)
     seen = [1000.0] * 3
     seen[axis] = now + 0.02
-    told, other = tell(rig, *seen)
+    told, other = tell(start, *seen)
     # THEN Kalman's formula holds
     gain = cov @ row / (row @ cov @ row + 0.01)
     corrected = np.array([*quat + 0.02 * gain[:4]])
@@ -204,10 +207,10 @@ def test_attitude_and_velocity_are_corrected_as_the_prediction_depends_on_them(a
 @pytest.mark.parametrize(("sigmas", "passes"), [(4.99, True), (5.01, False)])
 def test_gate_is_at_5_sigma(sigmas: float, passes: bool) -> None:
     # GIVEN what is expected, and how well
-    before, _ = tell(moving(), 0.0)
+    before, _ = tell(moving, 0.0)
     expected, sigma = innovation_of(before)[0], math.sqrt(before.core.odometry.variance[0])
     # WHEN odometry differs from that by so many sigmas
-    told, other = tell(moving(), expected + sigmas * sigma)
+    told, other = tell(moving, expected + sigmas * sigma)
     # THEN it passes or not
     code, ratio, _ = told.last_test("odometry")
     assert (code, ratio) == ("model_fused" if passes else "model_gate_odometry", pytest.approx(sigmas / GATE_SIGMAS))
@@ -215,7 +218,7 @@ def test_gate_is_at_5_sigma(sigmas: float, passes: bool) -> None:
 
 
 def test_axes_are_judged_one_by_one() -> None:
-    told, other = tell(moving(), 9.0, 0.1, 0.0)
+    told, other = tell(moving, 9.0, 0.1, 0.0)
     assert told.core.state.vel[0] == pytest.approx(other.core.state.vel[0], abs=1e-3)
     assert told.core.state.vel[1] > other.core.state.vel[1] + 0.01
     assert told.core.aiding.odometry_ms == told.now_ms
@@ -223,7 +226,7 @@ def test_axes_are_judged_one_by_one() -> None:
 
 
 def test_odometry_of_which_nothing_passes_counts_for_nothing() -> None:
-    told, other = tell(moving(), 9.0, 9.0, 9.0)
+    told, other = tell(moving, 9.0, 9.0, 9.0)
     assert told.core.state.vel == other.core.state.vel
     assert told.core.aiding.odometry_ms < told.now_ms
     assert innovation_of(told) == pytest.approx((-9.0, -9.0, -9.0), abs=0.1)
@@ -253,10 +256,13 @@ def test_nothing_is_told_before_the_first_odometry() -> None:
 
 @pytest.mark.parametrize("sources", ["60161", "63101"])
 def test_odometry_needs_a_source_of_horizontal_velocity(sources: str) -> None:
-    rig = standing(sources)
-    rig.lose("baro")
-    rig.forget()
-    told, other = tell(rig, 1.0)
+    def start() -> FilterRig:
+        rig = standing(sources)
+        rig.lose("baro")
+        rig.forget()
+        return rig
+
+    told, other = tell(start, 1.0)
     assert told.became() == [("odometry", "model_unused")]
     assert told.core.state.vel == other.core.state.vel
 
@@ -265,7 +271,7 @@ def test_odometry_needs_a_source_of_horizontal_velocity(sources: str) -> None:
 
 
 def test_odometry_starts_relative_aiding_once_gyros_are_known() -> None:
-    rig, worst_var = _just_moving()
+    rig, worst_var = just_moving()
     sigma = math.degrees(math.sqrt(worst_var) / rig.core.dt_ekf_avg)
     assert sigma == pytest.approx(0.15, abs=0.005)  # it has been shrinking since the last pass
     assert "started relative aiding" in rig.texts
@@ -324,7 +330,7 @@ def test_end_of_aiding_lets_fusion_be_told_again() -> None:
 
 def test_vehicle_keeps_its_position_by_odometry() -> None:
     # GIVEN a vehicle that drives by odometry alone
-    rig = _moving().make()
+    rig = moving()
     rig.feeds |= {"odometry", "baro", "compass"}
     rig.move(1.0, 0.5, 0.0, 1.0)
     rig.run(2.0)

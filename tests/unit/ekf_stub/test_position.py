@@ -3,21 +3,21 @@
 """Positions of the camera: their weight and gate, what is rejected, and what the filter is reset to."""
 
 import math
-from functools import cache
 
 import pytest
 
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.release import APRIL_2026
-from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (
     HOME,
     MODE_ABSOLUTE,
     NO_AIDING,
     SLOW_LOOP_US,
     FilterRig,
+    Start,
     compared,
+    has_pose,
     navigating,
     reckoned,
     standing,
@@ -43,6 +43,11 @@ def tell_pose(rig: FilterRig, x: float, y: float, z: float = 0.0, **fields: floa
     rig.camera(x, y, z, **{"yaw": NAN, **fields})
 
 
+def due_pose(start: Start, x: float, y: float, **fields: float) -> tuple[FilterRig, FilterRig]:
+    """Let a pose come due in a vehicle; return it and one without."""
+    return compared(start, lambda rig: tell_pose(rig, x, y, **fields), has_pose)
+
+
 def variances(rig: FilterRig, first: int, count: int) -> list[float]:
     return rig.core.state.cov.variances()[first : first + count]
 
@@ -52,7 +57,7 @@ def variances(rig: FilterRig, first: int, count: int) -> list[float]:
 
 @pytest.mark.parametrize(("err", "noise"), [(0.2, 0.2), (0.0, 0.01), (5.0, 5.0), (1e6, 100.0)])
 def test_pose_is_fused_with_its_error_within_limits(err: float, noise: float) -> None:
-    told, other = compared(seen(), lambda rig: tell_pose(rig, 0.1, -0.2, err=err))
+    told, other = due_pose(seen, 0.1, -0.2, err=err)
     for axis, seen_at in ((0, 0.1), (1, -0.2)):
         before, variance = other.core.state.pos[axis], variances(other, POS + axis, 1)[0]
         part = weight(variance, noise)
@@ -62,7 +67,7 @@ def test_pose_is_fused_with_its_error_within_limits(err: float, noise: float) ->
 
 
 def test_position_corrects_the_velocity_that_it_depends_on() -> None:
-    told, other = compared(seen(), lambda rig: tell_pose(rig, 0.5, 0.0))
+    told, other = due_pose(seen, 0.5, 0.0)
     cov = other.covariance()
     gain = cov[VEL, POS] / (cov[POS, POS] + 0.04)
     innovation = 0.5 - other.core.state.pos[0]
@@ -79,7 +84,7 @@ def gate_m(rig: FilterRig, sigmas: float, err: float = 0.2) -> float:
 
 
 def test_ratio_of_a_position_is_of_its_distance() -> None:
-    told, other = compared(seen(), lambda rig: tell_pose(rig, 0.3, -0.4))
+    told, other = due_pose(seen, 0.3, -0.4)
     north, east, _ = other.core.state.pos
     distance = math.hypot(north - 0.3, east + 0.4)
     ratio = (distance / gate_m(other, 5.0)) ** 2
@@ -94,18 +99,21 @@ def test_ratio_of_a_position_is_of_its_distance() -> None:
 def test_gate_of_position_is_as_wide_as_its_parameter_but_not_less_than_a_sigma(
     percent: float, sigmas: float, passes: bool
 ) -> None:
-    rig = seen()
-    rig.set_param("POS_I_GATE", percent)
-    _, other = compared(rig, lambda rig: tell_pose(rig, 0.0, 0.0))
+    def start() -> FilterRig:
+        rig = seen()
+        rig.set_param("POS_I_GATE", percent)
+        return rig
+
+    _, other = due_pose(start, 0.0, 0.0)
     distance = gate_m(other, sigmas) * (0.999 if passes else 1.001)
-    told, other = compared(rig, lambda rig: tell_pose(rig, other.core.state.pos[0] + distance, other.core.state.pos[1]))
+    told, other = due_pose(start, other.core.state.pos[0] + distance, other.core.state.pos[1])
     assert (told.core.state.pos[0] > other.core.state.pos[0] + 0.01) is passes
     assert told.became() == [("pose", "model_fused" if passes else "model_gate_position")]
     assert (told.core.aiding.pos_ms == told.now_ms) is passes
 
 
 def test_rejected_position_still_shows_its_innovation_until_the_next_test() -> None:
-    told, other = compared(seen(), lambda rig: tell_pose(rig, 30.0, -40.0))
+    told, other = due_pose(seen, 30.0, -40.0)
     north, east, _ = other.core.state.pos
     assert told.core.state.pos == other.core.state.pos
     assert told.report.pos_innovation[:2] == pytest.approx((north - 30.0, east + 40.0))
@@ -223,7 +231,7 @@ def lost(**params: float) -> FilterRig:
 
 
 def test_position_that_is_lost_is_reset_to() -> None:
-    told, _ = compared(lost(), lambda rig: tell_pose(rig, 30.0, -40.0))
+    told, _ = due_pose(lost, 30.0, -40.0)
     assert told.core.state.pos[:2] == (30.0, -40.0)
     assert told.core.output.now.pos[:2] == pytest.approx((30.0, -40.0), abs=0.01)  # it goes on by its velocity
     assert variances(told, POS, 2) == [156.25, 156.25]  # half of EK3_GLITCH_RAD
@@ -240,7 +248,7 @@ def test_velocity_is_reset_with_a_lost_position_and_not_fused_as_well() -> None:
         rig.velocity(1.0, 2.0, 3.0, err=0.2)
         tell_pose(rig, 30.0, -40.0)
 
-    told, _ = compared(lost(), tell)
+    told, _ = compared(lost, tell, has_pose)
     assert told.core.state.vel[:2] == (1.0, 2.0)
     assert variances(told, VEL, 1)[0] == pytest.approx(0.04)
     assert told.core.aiding.vel_ms == told.now_ms
@@ -267,7 +275,7 @@ def test_position_is_lost_after_10_s_while_velocity_goes_on() -> None:
 
 
 def test_position_that_is_lost_is_fused_without_a_gate_while_velocity_passes() -> None:
-    told, other = compared(drifting(), lambda rig: tell_pose(rig, 30.0, -40.0))
+    told, other = due_pose(drifting, 30.0, -40.0)
     part = weight(variances(other, POS, 1)[0], 0.2)
     assert told.core.state.pos[0] == pytest.approx(30.0 * part, rel=0.02)  # and where it was before
     assert told.report.pos_ratio > 1
@@ -277,9 +285,12 @@ def test_position_that_is_lost_is_fused_without_a_gate_while_velocity_passes() -
 
 
 def test_good_gps_lets_a_lost_position_be_reset_all_the_same() -> None:
-    rig = drifting("gps", seconds=11.0)
-    assert rig.core.gps.checks.good
-    told, _ = compared(rig, lambda rig: tell_pose(rig, 30.0, -40.0))
+    def start() -> FilterRig:
+        rig = drifting("gps", seconds=11.0)
+        assert rig.core.gps.checks.good
+        return rig
+
+    told, _ = due_pose(start, 30.0, -40.0)
     assert told.core.state.pos[:2] == (30.0, -40.0)
     assert not told.core.aiding.pos_timeout
 
@@ -297,28 +308,30 @@ def test_position_that_passes_is_reset_to_when_it_was_uncertain_beyond_the_radiu
     gps: bool, silence_s: float, is_reset: bool
 ) -> None:
     # GIVEN a vehicle whose velocity has never been measured, so that a second makes its position uncertain by 25 m
-    rig = with_gps().make() if gps else standing("60166", loop_us=SLOW_LOOP_US)
-    tell_pose(rig, 0.0, 0.0)
-    rig.run_until(lambda: rig.mode == MODE_ABSOLUTE)
-    rig.forget()
-    rig.feeds.clear()
-    rig.run(silence_s)
-    told, other = compared(rig, lambda rig: tell_pose(rig, 3.0, 4.0))
+    def start() -> FilterRig:
+        rig = with_gps() if gps else standing("60166", loop_us=SLOW_LOOP_US)
+        tell_pose(rig, 0.0, 0.0)
+        rig.run_until(lambda: rig.mode == MODE_ABSOLUTE)
+        rig.forget()
+        rig.feeds.clear()
+        rig.run(silence_s)
+        return rig
+
+    told, other = due_pose(start, 3.0, 4.0)
     assert (sum(variances(other, POS, 2)) > 25.0**2) is (silence_s == 1.0)
     assert told.report.pos_ratio < 1
     assert (told.core.state.pos[:2] == (3.0, 4.0)) is is_reset
     assert ("pose", "model_reset" if is_reset else "model_fused") in told.became()
 
 
-@cache
-def with_gps() -> Copies[FilterRig]:
+def with_gps() -> FilterRig:
     rig = standing("60166", loop_us=SLOW_LOOP_US)
     rig.feeds.add("gps")
     rig.run(10.6)
     assert rig.core.gps.checks.good
     rig.lose("gps")
     rig.run(0.2)  # so that its velocity is not fresh any more
-    return Copies(rig)
+    return rig
 
 
 # Without a radius
@@ -326,9 +339,12 @@ def with_gps() -> Copies[FilterRig]:
 
 @pytest.mark.parametrize("radius", [0, -1])
 def test_without_a_radius_every_position_is_fused_at_full_weight(radius: float) -> None:
-    rig = seen()
-    rig.set_param("GLITCH_RAD", radius)
-    told, other = compared(rig, lambda rig: tell_pose(rig, 3000.0, 4000.0))
+    def start() -> FilterRig:
+        rig = seen()
+        rig.set_param("GLITCH_RAD", radius)
+        return rig
+
+    told, other = due_pose(start, 3000.0, 4000.0)
     part = weight(variances(other, POS, 1)[0], 0.2)
     assert told.core.state.pos[:2] == pytest.approx((3000.0 * part, 4000.0 * part), rel=1e-3)
     assert told.report.pos_ratio > 1
@@ -337,7 +353,7 @@ def test_without_a_radius_every_position_is_fused_at_full_weight(radius: float) 
 
 
 def test_without_a_radius_a_lost_position_is_reset_to_and_certain() -> None:
-    told, _ = compared(lost(GLITCH_RAD=0), lambda rig: tell_pose(rig, 30.0, -40.0))
+    told, _ = due_pose(lambda: lost(GLITCH_RAD=0), 30.0, -40.0)
     assert told.core.state.pos[:2] == (30.0, -40.0)
     assert variances(told, POS, 2) == [0.0, 0.0]
     assert ("pose", "model_reset") in told.became()
@@ -348,9 +364,12 @@ def test_without_a_radius_a_lost_position_is_reset_to_and_certain() -> None:
 
 @pytest.mark.parametrize("source", [0, 3])
 def test_pose_is_not_used_while_another_source_is_named(source: int) -> None:
-    rig = seen()
-    rig.set_param("SRC1_POSXY", source)
-    told, other = compared(rig, lambda rig: tell_pose(rig, 0.5, 0.5))
+    def start() -> FilterRig:
+        rig = seen()
+        rig.set_param("SRC1_POSXY", source)
+        return rig
+
+    told, other = due_pose(start, 0.5, 0.5)
     assert told.core.state.pos == other.core.state.pos
     assert told.became() == [("pose", "model_unused")]
 
@@ -396,18 +415,20 @@ def test_standing_vehicle_is_held_where_it_was_with_every_height(
     armed: bool, params: dict[str, float], noise: float
 ) -> None:
     # GIVEN a vehicle that is pushed, and does not navigate
-    rig = standing("66166", **params)
-    rig.arm(armed)
-    rig.lose("baro")
-    rig.accel_bias = [(2.0, 0.0, 0.0)]
-    rig.run(0.3)
-    rig.accel_bias = [(0.0, 0.0, 0.0)]
+    def start() -> FilterRig:
+        rig = standing("66166", **params)
+        rig.arm(armed)
+        rig.lose("baro")
+        rig.accel_bias = [(2.0, 0.0, 0.0)]
+        rig.run(0.3)
+        rig.accel_bias = [(0.0, 0.0, 0.0)]
+        return rig
 
     # WHEN a height comes
     def tell(rig: FilterRig) -> None:
         rig.core.inputs.set_baro(rig.now_ms, 0.0)
 
-    told, other = compared(rig, tell, lambda core: core.height.is_new)
+    told, other = compared(start, tell, lambda core: core.height.is_new)
     # THEN it is held to be where it was
     north, variance = other.core.state.pos[0], variances(other, POS, 1)[0]
     assert north > 0.05
@@ -422,17 +443,19 @@ def test_standing_vehicle_is_held_where_it_was_with_every_height(
 
 def test_vehicle_at_rest_is_held_to_have_no_velocity_where_nothing_tells_it() -> None:
     # GIVEN a vehicle at rest whose velocity nothing has told for a second
-    rig = navigating("60166", loop_us=SLOW_LOOP_US, release=APRIL_2026)
-    rig.lose("camera", "baro")
-    rig.run(1.0)
+    def start() -> FilterRig:
+        rig = navigating("60166", loop_us=SLOW_LOOP_US, release=APRIL_2026)
+        rig.lose("camera", "baro")
+        rig.run(1.0)
+        assert rig.core.stillness.is_still
+        return rig
 
+    # WHEN a height comes, and with it a position of a large error
     def tell(rig: FilterRig) -> None:
         rig.core.inputs.set_baro(rig.now_ms, 0.0)
         tell_pose(rig, 0.5, 0.0, err=50.0, stamp_ms=rig.now_ms - 50)
 
-    # WHEN a height comes, and with it a position of a large error
-    assert rig.core.stillness.is_still
-    told, other = compared(rig, tell, lambda core: core.height.is_new and core.ext_nav.has_pose)
+    told, other = compared(start, tell, lambda core: core.height.is_new and core.ext_nav.has_pose)
     # THEN rest is fused with an error of 1 m/s, and the position with one of 10 m
     down = -other.core.height.baro_height
     rest = [(VEL + axis, 0.0, 1.0) for axis in range(3)]

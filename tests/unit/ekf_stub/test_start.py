@@ -3,7 +3,6 @@
 """A filter that starts up: its first attitude, when it knows tilt, and when it begins anew."""
 
 import math
-from functools import cache
 from itertools import pairwise
 
 import pytest
@@ -12,7 +11,6 @@ from ap_core.location import Location
 from ekf_stub.core.params import EkfSources
 from ekf_stub.core.vectors import euler_of
 from ekf_stub.release import APRIL_2026, JULY_2025
-from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (
     GRAVITY_MSS,
     HOME,
@@ -213,16 +211,11 @@ def test_airspeed_is_always_lost_and_drag_5_s_after_boot(now_ms: int, drag: int)
 
 def lost() -> FilterRig:
     """Return a vehicle that is parked while its camera says that it moves, so that nothing is right any more."""
-    return _lost().make()
-
-
-@cache
-def _lost() -> Copies[FilterRig]:
     rig = standing("06166", loop_us=SLOW_LOOP_US)
     while rig.core.flags:
         stream_motion(rig, 0.04)
     rig.told()
-    return Copies(rig)
+    return rig
 
 
 def stream_motion(rig: FilterRig, seconds: float) -> None:

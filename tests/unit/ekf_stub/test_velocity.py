@@ -15,6 +15,7 @@ from tests.unit.ekf_stub.filter_rig import (
     PARKED,
     SLOW_LOOP_US,
     FilterRig,
+    Start,
     compared,
     navigating,
     reckoned,
@@ -34,9 +35,9 @@ def seen(sources: str = "66166", **options: object) -> FilterRig:
     return rig
 
 
-def tell(rig: FilterRig, x: float, y: float, z: float = 0.0, *, err: float = 0.1) -> tuple[FilterRig, FilterRig]:
+def tell(start: Start, x: float, y: float, z: float = 0.0, *, err: float = 0.1) -> tuple[FilterRig, FilterRig]:
     """Let a velocity come due in a vehicle; return it and one without."""
-    return compared(rig, lambda rig: rig.velocity(x, y, z, err=err), lambda core: core.ext_nav.has_velocity)
+    return compared(start, lambda rig: rig.velocity(x, y, z, err=err), lambda core: core.ext_nav.has_velocity)
 
 
 def variances(rig: FilterRig) -> list[float]:
@@ -51,7 +52,7 @@ def ratio_of(rig: FilterRig, vel: tuple[float, ...], gate_var: float) -> float:
 
 @pytest.mark.parametrize(("err", "noise"), [(0.1, 0.1), (0.0, 0.05), (10.0, 10.0), (1e4, 50.0)])
 def test_velocity_is_fused_with_its_error_within_limits(err: float, noise: float) -> None:
-    told, other = tell(seen("66106"), 0.1, -0.2, 0.3, err=err)
+    told, other = tell(lambda: seen("66106"), 0.1, -0.2, 0.3, err=err)
     states = reckoned(other, (VEL, 0.1, noise**2), (VEL + 1, -0.2, noise**2))
     assert told.core.state.vel == pytest.approx(states[VEL : VEL + 3], abs=1e-6)
     assert told.core.state.pos == pytest.approx(states[POS : POS + 3], abs=1e-6)
@@ -61,16 +62,19 @@ def test_velocity_is_fused_with_its_error_within_limits(err: float, noise: float
 
 
 def test_vertical_velocity_is_fused_with_the_others() -> None:
-    told, other = tell(seen(), 0.1, -0.2, 0.3)
+    told, other = tell(seen, 0.1, -0.2, 0.3)
     states = reckoned(other, (VEL, 0.1, 0.01), (VEL + 1, -0.2, 0.01), (VEL + 2, 0.3, 0.01))
     assert told.core.state.vel == pytest.approx(states[VEL : VEL + 3], abs=1e-6)
     assert told.report.vel_ratio == pytest.approx(ratio_of(other, (0.1, -0.2, 0.3), 0.01), rel=1e-4)
 
 
 def test_vertical_velocity_alone_is_never_fused() -> None:
-    rig = navigating("60666")
-    rig.lose("camera", "baro")
-    told, other = tell(rig, 0.1, 0.2, 0.3)
+    def start() -> FilterRig:
+        rig = navigating("60666")
+        rig.lose("camera", "baro")
+        return rig
+
+    told, other = tell(start, 0.1, 0.2, 0.3)
     assert told.core.state.vel == other.core.state.vel
     assert told.report.vel_ratio == 0
     assert ("velocity", "model_unused") in told.became()
@@ -78,27 +82,33 @@ def test_vertical_velocity_alone_is_never_fused() -> None:
 
 @pytest.mark.parametrize(("options", "is_used"), [(0, False), (1, True), (2, False)])
 def test_velocity_of_any_set_is_fused_if_the_option_says_so(options: float, is_used: bool) -> None:
-    rig = seen()
-    rig.use("60166")
-    rig.use("06006", 2)
-    rig.set_param("SRC_OPTIONS", options)
-    told, other = tell(rig, 0.1, 0.2, 0.3)
+    def start() -> FilterRig:
+        rig = seen()
+        rig.use("60166")
+        rig.use("06006", 2)
+        rig.set_param("SRC_OPTIONS", options)
+        return rig
+
+    told, other = tell(start, 0.1, 0.2, 0.3)
     assert (told.core.state.vel[0] > other.core.state.vel[0] + 0.01) is is_used
     assert told.became() == [("velocity", "model_fused" if is_used else "model_unused")]
 
 
 @pytest.mark.parametrize(("err", "noise"), [(0.1, 0.1), (0.01, 0.05), (40.0, 5.0)])
 def test_gate_of_velocity_has_another_upper_limit_of_the_error(err: float, noise: float) -> None:
-    told, other = tell(seen("66106"), 1.0, 2.0, err=err)
+    told, other = tell(lambda: seen("66106"), 1.0, 2.0, err=err)
     # The acceleration that is felt at rest, of some mm/s/s, counts too.
     assert told.report.vel_ratio == pytest.approx(ratio_of(other, (1.0, 2.0), noise**2), rel=1e-3)
 
 
 def test_gate_of_velocity_opens_with_acceleration() -> None:
-    rig = seen("66106")
-    rig.accel_ned = 4.0, 0.0, 0.0
-    rig.run(0.5)
-    told, other = tell(rig, *rig.vel[:2])
+    def start() -> FilterRig:
+        rig = seen("66106")
+        rig.accel_ned = 4.0, 0.0, 0.0
+        rig.run(0.5)
+        return rig
+
+    told, other = tell(start, *start().vel[:2])
     accel = math.dist(other.core.state.accel_filtered, (0.0, 0.0, 0.0))
     assert accel > 3.0
     expected = ratio_of(other, other.vel[:2], 0.01 + (0.05 * accel) ** 2)
@@ -115,21 +125,26 @@ def test_gate_of_velocity_opens_with_acceleration() -> None:
 def test_gate_of_velocity_is_as_wide_as_its_parameter_but_not_less_than_a_sigma(
     percent: float, sigmas: float, passes: bool
 ) -> None:
-    rig = seen("66106")
-    rig.set_param("VEL_I_GATE", percent)
-    _, other = tell(rig, 0.0, 0.0)
+    def start() -> FilterRig:
+        rig = seen("66106")
+        rig.set_param("VEL_I_GATE", percent)
+        return rig
+
+    _, other = tell(start, 0.0, 0.0)
     spread = sum(variances(other)[:2]) + 2 * 0.01
     speed = sigmas * math.sqrt(spread) * (0.999 if passes else 1.001)
     north, east, _ = other.core.state.vel
-    told, _ = tell(rig, north + speed, east)
+    told, _ = tell(start, north + speed, east)
     assert told.became() == [("velocity", "model_fused" if passes else "model_gate_velocity")]
 
 
 def test_rejected_velocity_freezes_its_innovation() -> None:
-    told, _ = tell(seen(), 0.1, -0.2, 0.3)
-    before = told.report.vel_innovation
+    def start() -> FilterRig:
+        return tell(seen, 0.1, -0.2, 0.3)[0]
+
+    before = start().report.vel_innovation
     assert before[0] < 0 < before[1]
-    told, other = tell(told, 15.0, 0.0)
+    told, other = tell(start, 15.0, 0.0)
     assert told.report.vel_ratio > 1
     assert told.report.vel_innovation == before
     assert told.core.state.vel == other.core.state.vel
@@ -141,13 +156,14 @@ def test_rejected_velocity_freezes_its_innovation() -> None:
 
 def test_gates_are_of_the_covariance_before_the_step() -> None:
     # GIVEN position and velocity that go together
-    rig = seen("66106")
+    def start() -> FilterRig:
+        return seen("66106")
 
     def say(rig: FilterRig) -> None:
         rig.velocity(0.3, 0.0, err=0.1)
         rig.camera(0.5, 0.0, 0.0, yaw=math.nan)
 
-    told, other = compared(rig, say, lambda core: core.ext_nav.has_velocity and core.ext_nav.has_pose)
+    told, other = compared(start, say, lambda core: core.ext_nav.has_velocity and core.ext_nav.has_pose)
     variance = other.core.state.cov.variances()
     off = math.dist(other.core.state.pos[:2], (0.5, 0.0))
     assert told.report.pos_ratio == pytest.approx(off**2 / (25.0 * (variance[POS] + variance[POS + 1] + 2 * 0.04)))
@@ -160,9 +176,12 @@ def test_gates_are_of_the_covariance_before_the_step() -> None:
 
 
 def test_velocity_is_fused_without_a_gate_when_there_is_no_radius() -> None:
-    rig = seen("66106")
-    rig.set_param("GLITCH_RAD", 0)
-    told, other = tell(rig, 15.0, 0.0)
+    def start() -> FilterRig:
+        rig = seen("66106")
+        rig.set_param("GLITCH_RAD", 0)
+        return rig
+
+    told, other = tell(start, 15.0, 0.0)
     states = reckoned(other, (VEL, 15.0, 0.01), (VEL + 1, 0.0, 0.01))
     assert told.core.state.vel == pytest.approx(states[VEL : VEL + 3], abs=1e-5)
     assert told.report.vel_ratio > 1
@@ -176,14 +195,17 @@ def test_velocity_is_fused_without_a_gate_when_there_is_no_radius() -> None:
 @pytest.mark.parametrize("north", [0.1, 15.0])
 def test_velocity_that_is_lost_is_reset_to_whether_it_passes_or_not(north: float) -> None:
     # GIVEN a vehicle that has lost everything
-    rig = navigating("66166", loop_us=SLOW_LOOP_US)
-    rig.lose("camera", "baro")
-    rig.skip(7.0)
-    rig.run(0.1)
-    assert rig.core.aiding.vel_timeout
-    rig.forget()
+    def start() -> FilterRig:
+        rig = navigating("66166", loop_us=SLOW_LOOP_US)
+        rig.lose("camera", "baro")
+        rig.skip(7.0)
+        rig.run(0.1)
+        assert rig.core.aiding.vel_timeout
+        rig.forget()
+        return rig
+
     # WHEN a velocity comes
-    told, _ = tell(rig, north, 0.0, err=0.2)
+    told, _ = tell(start, north, 0.0, err=0.2)
     # THEN the filter is reset to it
     assert told.core.state.vel[:2] == (north, 0.0)
     assert variances(told)[:2] == pytest.approx([0.04, 0.04])
@@ -236,20 +258,22 @@ def test_velocity_of_a_gps_counts_as_aiding_starts_while_it_is_fresh_and_no_sour
 
 def test_velocity_is_fused_between_heights_but_not_with_them() -> None:
     # GIVEN a vehicle that does not navigate
-    rig = standing("66166")
-    rig.lose("baro")
-    rig.forget()
+    def start() -> FilterRig:
+        rig = standing("66166")
+        rig.lose("baro")
+        rig.forget()
+        return rig
 
     def with_height(rig: FilterRig) -> None:
         rig.core.inputs.set_baro(rig.now_ms, 0.0)
         rig.velocity(0.4, 0.0, 0.0, stamp_ms=rig.now_ms - 50)
 
     # WHEN a velocity comes with a height
-    told, _ = compared(rig, with_height, lambda core: core.height.is_new and core.ext_nav.has_velocity)
+    told, _ = compared(start, with_height, lambda core: core.height.is_new and core.ext_nav.has_velocity)
     # THEN it is not used
     assert told.became() == [("velocity", "model_unused")]
     # AND by itself it is, with the noise of a vehicle that stands
-    told, other = tell(rig, 0.4, 0.0)
+    told, other = tell(start, 0.4, 0.0)
     variance = variances(other)[0]
     vel = other.core.state.vel[0]
     assert told.core.state.vel[0] - vel == pytest.approx((0.4 - vel) * variance / (variance + 0.25), rel=1e-3)
@@ -258,9 +282,12 @@ def test_velocity_is_fused_between_heights_but_not_with_them() -> None:
 
 
 def test_lost_velocity_is_fused_through_no_gate_without_aiding() -> None:
-    rig = standing("66166")
-    rig.lose("baro")
-    told, other = tell(rig, 40.0, 0.0)
+    def start() -> FilterRig:
+        rig = standing("66166")
+        rig.lose("baro")
+        return rig
+
+    told, other = tell(start, 40.0, 0.0)
     assert told.core.aiding.vel_timeout
     variance = variances(other)[0]
     assert told.core.state.vel[0] == pytest.approx(40.0 * variance / (variance + 0.25), rel=1e-2)
@@ -268,20 +295,28 @@ def test_lost_velocity_is_fused_through_no_gate_without_aiding() -> None:
 
 def test_without_aiding_velocity_leaves_accelerometers_alone_and_what_gravity_shows() -> None:
     """Horizontal measurements say little of the biases of accelerometers, and of the gyro about the vertical."""
-    rig = standing("66106")
-    rig.arm()  # so that all biases may be learned
-    rig.run(0.5)
-    rig.lose("baro")
-    told, other = tell(rig, 0.5, 0.3)
+
+    def start() -> FilterRig:
+        rig = standing("66106")
+        rig.arm()  # so that all biases may be learned
+        rig.run(0.5)
+        rig.lose("baro")
+        return rig
+
+    told, other = tell(start, 0.5, 0.3)
     assert told.core.state.accel_bias[:2] == other.core.state.accel_bias[:2]
     assert told.core.state.gyro_bias[2] == other.core.state.gyro_bias[2]
     assert told.core.state.gyro_bias[0] != other.core.state.gyro_bias[0]
+
     # AND while it navigates, all are corrected
-    rig = seen()
-    rig.arm()
-    rig.accel_bias = [(0.3, 0.2, 0.0)]
-    rig.run(0.3)
-    told, other = tell(rig, 0.5, 0.3)
+    def navigating_start() -> FilterRig:
+        rig = seen()
+        rig.arm()
+        rig.accel_bias = [(0.3, 0.2, 0.0)]
+        rig.run(0.3)
+        return rig
+
+    told, other = tell(navigating_start, 0.5, 0.3)
     assert told.core.state.accel_bias[0] != other.core.state.accel_bias[0]
 
 

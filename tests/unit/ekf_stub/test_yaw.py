@@ -4,7 +4,7 @@
 
 import itertools
 import math
-from functools import cache
+from typing import Any
 
 import pytest
 
@@ -12,14 +12,15 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.core.vectors import euler_of, wrap_pi
 from ekf_stub.release import FEBRUARY_2026, JULY_2025, FilterRelease
-from tests.copies import Copies
 from tests.unit.ekf_stub.filter_rig import (
     HOME,
     MODE_ABSOLUTE,
     SLOW_LOOP_US,
     FilterRig,
+    Start,
     by_gps,
     compared,
+    has_pose,
     navigating,
     standing,
 )
@@ -36,13 +37,13 @@ def seen(sources: str = "66666", **options: object) -> FilterRig:
     return rig
 
 
-def tell(rig: FilterRig, yaw: float, err: float = 0.2) -> tuple[FilterRig, FilterRig]:
+def tell(start: Start, yaw: float, err: float = 0.2) -> tuple[FilterRig, FilterRig]:
     """Let a yaw come due in a vehicle; return it and one without."""
 
     def say(rig: FilterRig) -> None:
         rig.camera(yaw=yaw, yaw_err=err)
 
-    return compared(rig, say)
+    return compared(start, say, has_pose)
 
 
 def yaw_variance(rig: FilterRig) -> float:
@@ -84,7 +85,7 @@ def test_yaw_waits_for_tilt_but_counts_as_in_use() -> None:
 
 @pytest.mark.parametrize(("err", "noise"), [(0.2, 0.2), (0.0, FIVE_DEG), (0.06, FIVE_DEG), (0.5, 0.5)])
 def test_yaw_is_fused_with_its_error_of_5_degrees_at_least(err: float, noise: float) -> None:
-    told, other = tell(seen(), 0.1, err)
+    told, other = tell(seen, 0.1, err)
     spread = yaw_variance(other) + noise**2
     innovation = other.heading - 0.1
     assert told.report.yaw_innovation == pytest.approx(innovation, abs=1e-6)
@@ -96,25 +97,31 @@ def test_yaw_is_fused_with_its_error_of_5_degrees_at_least(err: float, noise: fl
 
 
 def test_innovation_goes_the_short_way_round() -> None:
-    rig = FilterRig(loop_us=SLOW_LOOP_US)
-    rig.yaw = 3.1
-    rig.feeds.add("camera")
-    rig.run(3.5)
-    rig.lose("camera")
-    told, other = tell(rig, -3.1)
+    def start() -> FilterRig:
+        rig = FilterRig(loop_us=SLOW_LOOP_US)
+        rig.yaw = 3.1
+        rig.feeds.add("camera")
+        rig.run(3.5)
+        rig.lose("camera")
+        return rig
+
+    told, other = tell(start, -3.1)
     assert told.report.yaw_innovation == pytest.approx(6.2 - 2 * math.pi, abs=0.01)
     assert told.heading > other.heading or told.heading < 0
 
 
 @pytest.mark.parametrize(("in_flight", "is_fused"), [(False, True), (True, False)])
 def test_yaw_beyond_the_gate_is_rejected_in_flight_only(in_flight: bool, is_fused: bool) -> None:
-    rig = seen()
-    if in_flight:
-        rig.arm()
-        rig.flying_ms = 6000
-        rig.run(0.1)
-        assert rig.core.vehicle.in_flight
-    told, other = tell(rig, 1.57)
+    def start() -> FilterRig:
+        rig = seen()
+        if in_flight:
+            rig.arm()
+            rig.flying_ms = 6000
+            rig.run(0.1)
+            assert rig.core.vehicle.in_flight
+        return rig
+
+    told, other = tell(start, 1.57)
     assert told.report.yaw_innovation == pytest.approx(-1.57, abs=0.01)
     assert told.report.yaw_ratio > 1
     # On the ground no more than half a radian of it counts.
@@ -128,32 +135,41 @@ def test_yaw_beyond_the_gate_is_rejected_in_flight_only(in_flight: bool, is_fuse
 def test_gate_is_as_wide_as_its_parameter_but_not_less_than_a_sigma(
     percent: float, sigmas: float, passes: bool
 ) -> None:
-    rig = seen()
-    rig.set_param("YAW_I_GATE", percent)
-    rig.arm()
-    rig.flying_ms = 6000
-    rig.run(0.1)
-    _, other = tell(rig, 0.0)
+    def start() -> FilterRig:
+        rig = seen()
+        rig.set_param("YAW_I_GATE", percent)
+        rig.arm()
+        rig.flying_ms = 6000
+        rig.run(0.1)
+        return rig
+
+    _, other = tell(start, 0.0)
     off = sigmas * math.sqrt(yaw_variance(other) + 0.04) * (0.999 if passes else 1.001)
-    told, _ = tell(rig, other.heading + off)
+    told, _ = tell(start, other.heading + off)
     assert ("yaw", "model_fused" if passes else "model_gate_yaw") in told.became()
 
 
 def test_jump_of_the_camera_says_nothing_of_yaw() -> None:
-    rig = seen()
-    rig.reset_ms = 7
-    told, _ = tell(rig, 1.0)
+    def start() -> FilterRig:
+        rig = seen()
+        rig.reset_ms = 7
+        return rig
+
+    told, _ = tell(start, 1.0)
     assert told.core.yaw_resets == 1
     assert ("yaw", "model_fused") in told.became()
 
 
 def test_source_that_was_another_one_aligns_anew() -> None:
-    rig = seen()
-    rig.set_param("SRC1_YAW", 2)
-    rig.run(0.1)
-    rig.set_param("SRC1_YAW", 6)
-    rig.run(0.1)
-    told, _ = tell(rig, 1.5)
+    def start() -> FilterRig:
+        rig = seen()
+        rig.set_param("SRC1_YAW", 2)
+        rig.run(0.1)
+        rig.set_param("SRC1_YAW", 6)
+        rig.run(0.1)
+        return rig
+
+    told, _ = tell(start, 1.5)
     assert "yaw aligned" in told.told()
     assert told.core.yaw_resets == 2
     assert told.heading == pytest.approx(1.5, abs=1e-3)
@@ -221,7 +237,7 @@ def test_vehicle_without_a_yaw_to_measure_assumes_it(sources: str) -> None:
 
 @pytest.mark.parametrize(("after_ms", "in_use"), [(4999, True), (5000, False)])
 def test_camera_counts_as_the_source_for_5_s_after_its_last_yaw(after_ms: int, in_use: bool) -> None:
-    told, _ = tell(seen(), 0.0)
+    told, _ = tell(seen, 0.0)
     assert told.core.uses_ext_nav_for_yaw(told.now_ms + after_ms) is in_use
     told.set_param("SRC1_YAW", 1)
     assert not told.core.uses_ext_nav_for_yaw(told.now_ms)
@@ -346,12 +362,9 @@ def test_compass_is_not_used_beside_a_gps_that_gives_yaw_and_is_without() -> Non
 # By the velocity of GPS
 
 
-@cache
-def _flown(sources: str, options: tuple[tuple[str, object], ...]) -> Copies[FilterRig]:
-    """Return a vehicle that flies by GPS or is about to, back and forth along a nose of 1 rad."""
-    release = dict(options).get("release", JULY_2025)
-    params = {name: value for name, value in options if name != "release"}
-    rig = FilterRig(sources, has_compass=sources[4] == "1", loop_us=SLOW_LOOP_US, release=release, **params)  # type: ignore[arg-type]
+def flying(sources: str, **options: Any) -> FilterRig:
+    """Return a vehicle that flies by GPS or is about to, its nose at 1 rad."""
+    rig = FilterRig(sources, has_compass=sources[4] == "1", loop_us=SLOW_LOOP_US, **options)
     rig.yaw = 1.0
     rig.lanes.set_origin(HOME)
     rig.feeds.add("gps")
@@ -362,12 +375,12 @@ def _flown(sources: str, options: tuple[tuple[str, object], ...]) -> Copies[Filt
     rig.forget()
     rig.arm()
     rig.flying_ms = 6000
-    return Copies(rig)
+    return rig
 
 
-def fly(sources: str, seconds: float, *, accel: float = 6.0, **options: object) -> FilterRig:
-    """Return such a vehicle after some seconds of flight."""
-    rig = _flown(sources, tuple(options.items())).make()
+def fly(sources: str, seconds: float, *, accel: float = 6.0, **params: Any) -> FilterRig:
+    """Return such a vehicle after some seconds of flight back and forth along its nose."""
+    rig = flying(sources, **params)
     back_and_forth(rig, seconds, accel)
     return rig
 
@@ -419,12 +432,12 @@ def test_gsf_does_not_align_yaw_where_it_does_not_run(sources: str, params: dict
 
 
 def test_gsf_waits_for_flight_and_for_a_gps_that_tells_velocity_well() -> None:
-    rig = _flown("33138", ()).make()
+    rig = flying("33138")
     rig.arm(False)
     rig.flying_ms = 0
     back_and_forth(rig, 2.0)
     assert rig.report.gsf is None
-    rig = _flown("33138", ()).make()
+    rig = flying("33138")
     rig.gps = {"speed_accuracy": 8.0}
     rig.run(2.0)
     back_and_forth(rig, 2.0)
@@ -465,7 +478,7 @@ def test_models_begin_anew_once_none_explains_the_velocity() -> None:
 @pytest.mark.parametrize(("release", "follows"), [(JULY_2025, False), (FEBRUARY_2026, True)])
 def test_load_below_1_g_counts_for_tilt_since_february(release: FilterRelease, follows: bool) -> None:
     # GIVEN a vehicle that falls a little, at a tilt that its gyros did not see
-    rig = _flown("33138", (("release", release),)).make()
+    rig = flying("33138", release=release)
     rig.run(1.0)
     before = rig.core.yaw.by_gps.gsf.gyro_bias
     tilt, dt = 0.1, 0.02
@@ -478,7 +491,7 @@ def test_load_below_1_g_counts_for_tilt_since_february(release: FilterRelease, f
 
 
 def test_bias_of_the_gsfs_gyro_is_within_limits() -> None:
-    rig = _flown("33138", ()).make()
+    rig = flying("33138")
     rig.gyro_bias = [(0.12, 0.0, 0.0)]
     rig.accel_bias = [(0.0, 0.0, -0.1)]  # as below 1 g the accelerometers count for nothing
     rig.run(10.0)
@@ -529,7 +542,7 @@ def test_emergency_resets_yaw_as_often_as_allowed_and_ends_the_use_of_the_compas
 
 
 def test_request_for_a_reset_lasts_5_s() -> None:
-    rig = _flown("33131", ()).make()
+    rig = flying("33131")
     back_and_forth(rig, 0.5, 0.0)
     rig.lanes.request_yaw_reset()
     rig.forget()

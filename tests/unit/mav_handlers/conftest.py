@@ -4,7 +4,6 @@
 
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
 from typing import Any, TypeVar, cast
 
 import pytest
@@ -20,8 +19,7 @@ from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, STATUSTEXT, Message
-from tests.copies import Copies
-from viso.firmware.releases import JULY_2025, PROFILES, Firmware
+from viso.firmware.releases import JULY_2025, Firmware
 from viso.logs.logger import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import bench, by_ekf3
@@ -34,7 +32,7 @@ M = TypeVar("M", bound=Message)
 SETTLED_MS = 5000
 """When the estimator runs, and heartbeats have just been sent; the estimator has texts to tell until 6 s."""
 
-SETTLING_PERIOD_US = 10_000
+SETTLING_PERIOD_US = 12_500
 """Of the main loop until then: as seldom as the sensors allow."""
 
 
@@ -259,28 +257,17 @@ def make_bench() -> MakeBench:
         **params: float,
     ) -> Bench:
         filter_runs = until_ms == 0 if filter_runs is None else filter_runs
-        return settled(tuple(bauds), version, until_ms, firmware.name, filter_runs, flies, **params).make()
+        return Bench(
+            {"VISO_TYPE": 1, **params},
+            bauds,
+            version=version,
+            until_ms=until_ms,
+            firmware=firmware,
+            filter_runs=filter_runs,
+            flies=flies,
+        )
 
     return make
-
-
-@cache
-def settled(
-    bauds: tuple[int | None, ...],
-    version: int,
-    until_ms: int,
-    firmware: str,
-    filter_runs: bool,
-    flies: bool,
-    **params: float,
-) -> Copies[Bench]:
-    """Return a vehicle that has run for a while; settling takes ten times as long as copying."""
-    values = {"VISO_TYPE": 1, **params}
-    release = PROFILES[firmware]
-    bench = Bench(
-        values, bauds, version=version, until_ms=until_ms, firmware=release, filter_runs=filter_runs, flies=flies
-    )
-    return Copies(bench)
 
 
 @pytest.fixture(name="bench")
@@ -291,7 +278,7 @@ def settled_bench(make_bench: MakeBench) -> Bench:
 
 @pytest.fixture
 def quiet_bench(make_bench: MakeBench) -> Bench:
-    """Return a vehicle that has told all it has to tell of its start."""
+    """Return a vehicle that has sent the texts of its start."""
     return make_bench(until_ms=7000)
 
 

@@ -4,7 +4,6 @@
 
 import sys
 from collections.abc import Callable, Mapping
-from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -25,7 +24,6 @@ from ekf_stub.reports import FilterFlag, FilterStatus
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, ODOMETRY, PARAM_SET, Message
-from tests.copies import Copies
 from tests.unit.viso.command_line import Outcome, Viso
 from viso import cli
 from viso.commands import serve as serve_command
@@ -58,12 +56,14 @@ class Bench:
     def __init__(
         self,
         params: Mapping[str, float],
-        make_ahrs: MakeAhrs,
-        open_log: Callable[[], LogSink] | None,
+        make_ahrs: MakeAhrs | None = None,
+        open_log: Callable[[], LogSink] | None = None,
         firmware: Firmware = DEFAULT,
     ) -> None:
         self.logs: list[MemoryLog] = []
-        config = VehicleConfig(make_ahrs, defaults=params, open_log=open_log or self._open_memory, firmware=firmware)
+        config = VehicleConfig(
+            make_ahrs or bench(), defaults=params, open_log=open_log or self._open_memory, firmware=firmware
+        )
         self.vehicle = Vehicle(config)
         self.texts: list[tuple[int, int, str]] = []
         self.records: list[tuple[str, dict[str, Any]]] = []
@@ -191,22 +191,12 @@ def make_bench() -> Callable[..., Bench]:
         firmware: Firmware = DEFAULT,
         **params: float,
     ) -> Bench:
-        if boot and make_ahrs is None and open_log is None and firmware is DEFAULT:
-            return booted(heading_deg, **params).make()
         made = Bench(params, make_ahrs or bench(heading_deg), open_log, firmware)
         if boot:
             made.boot()
         return made
 
     return make
-
-
-@cache
-def booted(heading_deg: float, **params: float) -> Copies[Bench]:
-    """Return a vehicle that has booted; booting takes ten times as long as copying."""
-    made = Bench(params, bench(heading_deg), None)
-    made.boot()
-    return Copies(made)
 
 
 NAVIGATES = FilterFlag.ATTITUDE | FilterFlag.VERT_VEL | FilterFlag.VERT_POS | FilterFlag.HORIZ_POS_ABS

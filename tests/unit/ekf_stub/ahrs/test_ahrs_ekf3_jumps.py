@@ -3,13 +3,11 @@
 """What the filter makes of poses and velocities that jump, stop and come back, while the vehicle stands still."""
 
 from collections.abc import Callable
-from functools import cache
 from typing import TYPE_CHECKING
 
 import pytest
 
 from ekf_stub.core.params import BARO
-from tests.copies import Copies
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig
@@ -22,15 +20,10 @@ GOOD, GOOD_NOT_PASSING, LOST_BUT_AGREEING = 0x1233F, 0x1033F, 0x12027  # of XKF4
 
 def aided(make_bench: MakeBench, sources: str = "66666", *, with_velocity: bool = True, **params: float) -> "BenchRig":
     """Return a bench that has navigated by a pose of 0 for 3 s; its clock is at 9 s."""
-    return aided_benches(make_bench, sources, with_velocity, **params).make()
-
-
-@cache
-def aided_benches(make_bench: MakeBench, sources: str, with_velocity: bool, **params: float) -> Copies["BenchRig"]:
     bench = make_bench(sources, run_s=6, **params)
     bench.know_gyros()
     bench.stream(9, bench.pose, *([bench.speed] if with_velocity else []))
-    return Copies(bench)
+    return bench
 
 
 def when_changed(bench: "BenchRig", flags: int) -> int:

@@ -3,7 +3,6 @@
 """Where a parked vehicle believes to be: by GPS, by its origin, by what others tell it."""
 
 from collections.abc import Callable
-from functools import cache
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,7 +10,6 @@ import pytest
 from ap_core.fmath import f32
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from tests.copies import Copies
 from viso.vehicle.sensors.errors import SensorErrors
 
 if TYPE_CHECKING:
@@ -25,16 +23,11 @@ MakeBench = Callable[..., "BenchRig"]
 
 def by_gps(make_bench: MakeBench, sources: str = "33131", **params: float) -> "BenchRig":
     """Return a bench that has just begun to navigate by GPS; it knows its gyros earlier than others."""
-    return benches_by_gps(make_bench, sources, **params).make()
-
-
-@cache
-def benches_by_gps(make_bench: MakeBench, sources: str, **params: float) -> Copies["BenchRig"]:
     bench = make_bench(sources, has_compass=True, **params)
     bench.run_to(7)
     bench.know_gyros()
     bench.stream_gps(20)
-    return Copies(bench)
+    return bench
 
 
 @pytest.mark.slow

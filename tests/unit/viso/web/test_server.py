@@ -17,7 +17,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from tests.places import ROOT
-from tests.unit.viso.conftest import Bench, booted
+from tests.unit.viso.conftest import Bench
 from viso.errors import InputError
 from viso.web.live_view import LiveView
 from viso.web.server import FILES, MAX_CLIENTS, MAX_CONNECTIONS, MESSAGES_WAITING, WAITING_CONNECTIONS, Client
@@ -61,7 +61,9 @@ class Served:
 
 @contextmanager
 def serving() -> Iterator[Served]:
-    made = Served(booted(0.0, VISO_TYPE=1).make())
+    bench = Bench({"VISO_TYPE": 1})
+    bench.boot()
+    made = Served(bench)
     yield made
     made.view.close()
 

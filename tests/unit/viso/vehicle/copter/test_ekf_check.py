@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The vehicle warns when its estimator fails, and when it is well again."""
 
-from functools import cache
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,13 +11,14 @@ from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ekf_stub.reports import FilterFlag, FilterStatus
 from mav_handlers.wire.messages import HEARTBEAT, SET_GPS_GLOBAL_ORIGIN
-from tests.copies import Copies
-from tests.unit.viso.conftest import NAVIGATES, booted
+from tests.unit.viso.conftest import NAVIGATES
 from viso.firmware.releases import JULY_2025, STABLE_4_6, Firmware
 from viso.vehicle.copter.ekf_check import is_over_threshold
 
 if TYPE_CHECKING:
     from tests.unit.viso.conftest import Bench, CopterRig
+
+    MakeBench = Callable[..., Bench]
 
 ORIGIN = Location(-353632610, 1491652300, 58400)
 LOST = [(16, 2), (17, 1)]
@@ -151,11 +152,10 @@ def test_failsafe_that_leaves_the_mode_is_told_since_4_7(
     assert told(watched) == (RESOLVED, ["EKF Failsafe Cleared"] if failsafe else [])
 
 
-@cache
-def flown(*, armed: bool) -> Copies["Bench"]:
+def flown(make_bench: "MakeBench", *, armed: bool) -> "Bench":
     """Return a vehicle that has navigated, and has had no sample for 12 s."""
     sources = {"EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 6, "EK3_SRC1_VELZ": 0}
-    bench = booted(0.0, VISO_TYPE=1, GPS1_TYPE=0, DISARM_DELAY=0, **sources).make()
+    bench = make_bench(VISO_TYPE=1, GPS1_TYPE=0, DISARM_DELAY=0, **sources)
     bench.run_to(24)  # in the first 30 s since boot there is no text
     bench.see(1)
     bench.send(SET_GPS_GLOBAL_ORIGIN(1, ORIGIN.lat, ORIGIN.lng, ORIGIN.alt_cm * 10))
@@ -165,13 +165,13 @@ def flown(*, armed: bool) -> Copies["Bench"]:
     if armed:
         bench.command(400, 1, 2989)
     bench.run_for(SILENT_S)
-    return Copies(bench)
+    return bench
 
 
 @pytest.fixture
-def lost() -> "Bench":
-    """Return one that is armed; it is flown once."""
-    return flown(armed=True).make()
+def lost(make_bench: "MakeBench") -> "Bench":
+    """Return one that is armed."""
+    return flown(make_bench, armed=True)
 
 
 def said(bench: "Bench") -> list[tuple[int, str]]:
@@ -209,8 +209,8 @@ def system_status(bench: "Bench") -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("armed", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_heartbeat_is_critical_until_it_is_resolved(armed: bool) -> None:
-    bench = flown(armed=armed).make()
+def test_heartbeat_is_critical_until_it_is_resolved(make_bench: "MakeBench", armed: bool) -> None:
+    bench = flown(make_bench, armed=armed)
     assert system_status(bench) == 5
     bench.see(2)
     assert system_status(bench) == 3

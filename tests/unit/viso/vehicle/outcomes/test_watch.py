@@ -3,7 +3,6 @@
 """Following a vehicle's filter."""
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,7 @@ import pytest
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
 from ekf_stub.reports import AidingMode
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
-from tests.copies import Copies
-from tests.unit.viso.conftest import Bench, booted, odometry
+from tests.unit.viso.conftest import Bench, odometry
 from viso.vehicle.outcomes import FilterWatch, OutcomeKind, SampleTest, is_final, outcome_kind
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -59,23 +57,18 @@ def rig(make_bench: Callable[..., Bench]) -> Rig:
     return Rig(make_bench(**BY_EXT_NAV))
 
 
-@cache
-def fused(duration_s: float) -> Copies[Rig]:
-    rig = fused(duration_s - 2.0).make() if duration_s > 2.0 else Rig(booted(0.0, **BY_EXT_NAV).make())
+@pytest.fixture
+def steady(rig: Rig) -> Rig:
+    """Return one whose camera has sent for 2 s."""
     rig.see(2.0)
-    return Copies(rig)
+    return rig
 
 
 @pytest.fixture
-def steady() -> Rig:
-    """Return one whose camera has sent for 2 s; they are gone through once."""
-    return fused(2.0).make()
-
-
-@pytest.fixture
-def settled() -> Rig:
-    """Return one whose camera has sent for 4 s; they are gone through once."""
-    return fused(4.0).make()
+def settled(rig: Rig) -> Rig:
+    """Return one whose camera has sent for 4 s."""
+    rig.see(4.0)
+    return rig
 
 
 def test_outcomes_of_a_steady_stream(steady: Rig) -> None:

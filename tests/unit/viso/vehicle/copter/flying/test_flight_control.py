@@ -4,7 +4,6 @@
 
 import math
 from collections.abc import Callable
-from functools import cache
 
 import pytest
 
@@ -13,7 +12,6 @@ from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.reports import FilterFlag
 from mav_handlers.handlers.commands.flight import GuidedTarget
-from tests.copies import Copies
 from tests.unit.viso.conftest import CopterRig
 from viso.firmware.releases import STABLE_4_6
 from viso.vehicle.copter.copter import Copter
@@ -105,18 +103,12 @@ def flyer(rig: CopterRig) -> Flyer:
     return Flyer(rig)
 
 
-@cache
-def taken_off() -> Copies[Flyer]:
-    """Return a vehicle that has taken off, to be copied."""
-    flyer = Flyer(CopterRig())
-    flyer.take_off()
-    return Copies(flyer)
-
-
 @pytest.fixture
 def up() -> Flyer:
     """Return a vehicle in GUIDED, 5 m above the ground."""
-    return taken_off().make()
+    flyer = Flyer(CopterRig())
+    flyer.take_off()
+    return flyer
 
 
 def test_armed_vehicle_stands_until_it_takes_off(flyer: Flyer) -> None:
