@@ -13,12 +13,13 @@ from ap_core.fmath import ieee754
 from ap_core.internal_error import InternalErrorSink
 from ap_core.param import ParamGroup
 from ap_core.quaternion import Quaternion
+from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f
 from ap_core.verdict import Verdict
 from ap_visualodom.ap_visualodom_backend import NO_ERR, AP_VisualOdom_Backend
 from ap_visualodom.ap_visualodom_intelt265 import AP_VisualOdom_IntelT265
 from ap_visualodom.ap_visualodom_mav import AP_VisualOdom_MAV
-from ap_visualodom.ports import Ahrs, RecordSink, TextSink
+from ap_visualodom.ports import Ahrs
 from ap_visualodom.release import STABLE_4_7, VisualOdomRelease
 from ap_visualodom.var_info import GROUP_PREFIX, VAR_INFO, VisualOdom_Type
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND

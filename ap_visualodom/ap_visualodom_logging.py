@@ -5,9 +5,9 @@
 import numpy as np
 
 from ap_core.clock import Clock
+from ap_core.sinks import RecordSink
 from ap_core.vector3 import Vector3f
 from ap_visualodom.log_structure import VISO, VISP, VISV
-from ap_visualodom.ports import RecordSink
 
 
 class AP_VisualOdom_Logging:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The interfaces that AP_VisualOdom needs from the rest of the vehicle.
+"""The interface that AP_VisualOdom needs from the AHRS; those of the GCS and the logger are in ``ap_core.sinks``.
 
 The firmware uses singletons (AP::ahrs(), gcs(), AP::logger()); here they are constructor arguments. Method names are
 the firmware's.
@@ -11,10 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from ap_core.quaternion import Quaternion
-from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f
-
-__all__ = ["Ahrs", "RecordSink", "TextSink"]
 
 
 class Ahrs(Protocol):

@@ -27,7 +27,7 @@ from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.cores import Cores
 from ekf_stub.ahrs.sources import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM, SourceYaw, source_failure
 from ekf_stub.ahrs.sources import RANGEFINDER as RANGEFINDER_SENSOR
-from ekf_stub.ahrs.vehicle_state import has_compass, has_flow, imu_mask, imu_pos
+from ekf_stub.ahrs.vehicle_state import compass_in_use, has_flow, imu_mask, imu_pos
 from ekf_stub.core.aiding import ABSOLUTE, NO_AIDING, RELATIVE
 from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.core import Core
@@ -117,6 +117,8 @@ class Ekf3Ahrs(AhrsBase):
             comes and, if it was taken, when it leaves the buffer.
     """
 
+    _log: ReplayLog
+
     def __init__(
         self,
         source: SensorSource,
@@ -133,12 +135,11 @@ class Ekf3Ahrs(AhrsBase):
     ) -> None:
         super().__init__(clock, sources, replay_log, start_us=start_us)
         self.source = source
-        self._replay_log = replay_log
         self._logger = logger
         self._params = params
         self._texts = texts
         self._release = release
-        self._has_compass = FromParams(params, lambda: has_compass(params))
+        self._has_compass = compass_in_use(params)
         self._place_of_imu = FromParams(params, lambda: imu_pos(params))
         self._buffer_ms = buffer_ms
         self._camera_pos: Vector3f | None = None
@@ -172,7 +173,7 @@ class Ekf3Ahrs(AhrsBase):
     @property
     def runs_ahead(self) -> bool:
         """Whether several passes may be run at once: the filter runs and no frame is logged, or it was stopped."""
-        is_logged = self._replay_log.is_wanted or self._sources.active_set != self._source_set
+        is_logged = self._log.is_wanted or self._sources.active_set != self._source_set
         return self._is_stopped or (self._active and not is_logged)
 
     def update(self) -> None:
@@ -229,7 +230,7 @@ class Ekf3Ahrs(AhrsBase):
         for delta in [reading.delta for reading in sensors.imus] or [sensors.delta]:
             row += numbers_of(delta)
         cores.lanes.advance(row, 0, 1)
-        self._replay_log.note_run(was_initialised=was_initialised)
+        self._log.note_run(was_initialised=was_initialised)
         self._finish_run(cores, now_us)
 
     def _flying_ms(self, now_us: int) -> int:
@@ -258,9 +259,9 @@ class Ekf3Ahrs(AhrsBase):
         self.source.pass_over(times_us[:count])
         self._measured = ahead[count - 1].tolist()
         self._clock.set_us(now_us)
-        self._replay_log.start_frame(now_us, 0)
-        self._replay_log.frame(self.state.camera)
-        self._replay_log.note_run(was_initialised=True)
+        self._log.start_frame(now_us, 0)
+        self._log.frame(self.state.camera)
+        self._log.note_run(was_initialised=True)
         self._finish_run(cores, now_us)
         self._quat = None
         return count
@@ -350,7 +351,7 @@ class Ekf3Ahrs(AhrsBase):
             self.cores.send_texts()
 
     def _log_frame(self, sensors: Sensors, gps: GpsSample | None, now_us: int) -> None:
-        log, state = self._replay_log, self.state
+        log, state = self._log, self.state
         if self._sources.active_set != self._source_set:
             self._source_set = self._sources.active_set
             log.event(SOURCE_SET_1 + self._source_set)
@@ -392,7 +393,7 @@ class Ekf3Ahrs(AhrsBase):
         """Log the present estimates of the filters."""
         if self.cores is not None:
             self.cores.log_estimates(self._clock.micros64())
-            self._replay_log.note_logged()
+            self._log.note_logged()
 
     def report(self) -> CoreReport | None:
         """Return the report of the primary core; None before it has a state."""
@@ -521,7 +522,7 @@ class Ekf3Ahrs(AhrsBase):
         is_early = core is None or (self._release.refuses_early_origin and not core.initialised)
         if self._origin is not None or self.cores is None or is_early:
             return False
-        self._replay_log.origin(origin)
+        self._log.origin(origin)
         self._origin = origin
         self.cores.lanes.set_origin(origin)
         self.cores.send_texts()
@@ -532,7 +533,7 @@ class Ekf3Ahrs(AhrsBase):
         if is_stable is self._terrain_is_stable:
             return
         self._terrain_is_stable = is_stable
-        self._replay_log.event(TERRAIN_STABLE if is_stable else TERRAIN_UNSTABLE)
+        self._log.event(TERRAIN_STABLE if is_stable else TERRAIN_UNSTABLE)
         for core in () if self.cores is None else self.cores.lanes.cores:
             core.set_terrain_stable(is_stable)
 
@@ -540,7 +541,7 @@ class Ekf3Ahrs(AhrsBase):
         """Make the present height zero, on the ground (NavEKF3::resetHeightDatum)."""
         if self.cores is None:
             return False
-        self._replay_log.event(RESET_HEIGHT_DATUM)
+        self._log.event(RESET_HEIGHT_DATUM)
         was_reset = self.cores.lanes.reset_height_datum()
         is_zeroed_here = was_reset and not self.source.has_recorded_heights
         if is_zeroed_here and self._sensors is not None and self._sensors.baro is not None:
@@ -550,13 +551,13 @@ class Ekf3Ahrs(AhrsBase):
     def request_yaw_reset(self) -> None:
         """Ask all cores to reset yaw by the velocity of GPS (NavEKF3::requestYawReset)."""
         if self.cores is not None:
-            self._replay_log.event(REQUEST_YAW_RESET)
+            self._log.event(REQUEST_YAW_RESET)
             self.cores.lanes.request_yaw_reset()
 
     def check_lane_switch(self) -> None:
         """Switch to a core that is much better, if there is one (NavEKF3::checkLaneSwitch)."""
         if self.cores is not None:
-            self._replay_log.event(CHECK_LANE_SWITCH)
+            self._log.event(CHECK_LANE_SWITCH)
             self.cores.lanes.check_lane_switch()
             self.cores.send_texts()
             self._follow_primary(self.cores)

@@ -13,7 +13,7 @@ from ap_core.internal_error import InternalErrors
 from ap_core.param import FromParams, ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.sinks import RecordSink, TextSink
-from ekf_stub.ahrs.vehicle_state import VehicleState, has_compass, imu_pos
+from ekf_stub.ahrs.vehicle_state import VehicleState, compass_in_use, imu_pos
 from ekf_stub.core.core import AFFINITY_MAG, Core
 from ekf_stub.core.ext_nav import ExtNav
 from ekf_stub.core.imus import MAX_IMUS, Imus
@@ -88,7 +88,7 @@ class Cores:
         )
         self._logs = [EkfLog(logger, params.get_int, group, lambda: self.lanes.primary) for group in self._groups]
         self._has_own_compass = FromParams(params, lambda: bool(params.get_int("EK3_AFFINITY") & AFFINITY_MAG))
-        self._has_compass = FromParams(params, lambda: has_compass(params))
+        self._has_compass = compass_in_use(params)
         self._places = FromParams(params, lambda: _places(params))
         self._given: dict[tuple[str, int], tuple[object, ...]] = {}
         self._levers = PlaceCache(from_imu)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from ap_core.location import Location
-from ap_core.param import ParamTable
+from ap_core.param import FromParams, ParamTable
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import GpsSample, RangeState
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
@@ -44,9 +44,9 @@ def has_flow(params: ParamTable) -> bool:
     return params.get_int("FLOW_TYPE") != 0
 
 
-def has_compass(params: ParamTable) -> bool:
-    """Return whether there is a compass, and in use."""
-    return params.get_int("COMPASS_ENABLE") != 0 and params.get_int("COMPASS_USE") != 0
+def compass_in_use(params: ParamTable) -> FromParams[bool]:
+    """Return the cached value of whether there is a compass, and in use."""
+    return FromParams(params, lambda: params.get_int("COMPASS_ENABLE") != 0 and params.get_int("COMPASS_USE") != 0)
 
 
 def imu_pos(params: ParamTable, imu: int = 0) -> Vector3f:

@@ -53,7 +53,7 @@ from ap_core.verdict import VerdictKind
 from ap_visualodom.verdicts import DISABLED, NO_BACKEND
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.ahrs_settable import ExtNav, SettableAhrs
-from ekf_stub.ahrs.vehicle_state import has_compass
+from ekf_stub.ahrs.vehicle_state import compass_in_use
 from mav_handlers.channel import OUTPUT_LIMIT_BYTES, Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_MESSAGES
@@ -153,7 +153,7 @@ class SpyAhrs(Ekf3Ahrs):
 
     def __init__(self, vehicle: Vehicle) -> None:
         params = vehicle.params
-        sensors = BenchSource(ImuOptions(has_compass=lambda: has_compass(params)))
+        sensors = BenchSource(ImuOptions(has_compass=compass_in_use(params)))
         super().__init__(
             sensors, vehicle.clock, vehicle.sources, vehicle.replay_log, vehicle.logger, params, vehicle.texts
         )

@@ -7,10 +7,9 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from ap_core.param import FromParams
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
-from ekf_stub.ahrs.vehicle_state import has_compass
+from ekf_stub.ahrs.vehicle_state import compass_in_use
 from mav_handlers.signing import KeyStore, MemoryKeyStore
 from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.files import LogStore
@@ -36,7 +35,7 @@ def by_ekf3(
 
     def make(vehicle: "Vehicle") -> AhrsBase:
         params = vehicle.params
-        source = make_source(replace(options, has_compass=FromParams(params, lambda: has_compass(params))))
+        source = make_source(replace(options, has_compass=compass_in_use(params)))
         return Ekf3Ahrs(
             source,
             vehicle.clock,

@@ -75,8 +75,7 @@ def _location_param(value: float, carries_location: bool) -> int:
     # convert_COMMAND_LONG_loc_param: the firmware's constants are float32, so that degrees lose up to a metre.
     if math.isnan(value):
         return 0
-    with np.errstate(over="ignore"):
-        return int_of_float(float(f32(value) * _UNITS_PER_DEGREE) if carries_location else value)
+    return int_of_float(float(f32(value) * _UNITS_PER_DEGREE) if carries_location else value)
 
 
 def to_command_int(message: COMMAND_LONG) -> COMMAND_INT:

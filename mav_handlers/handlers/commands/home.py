@@ -143,9 +143,8 @@ def external_position_estimate(ctx: Context, command: COMMAND_INT) -> MavResult:
     """
     if command.frame not in ABSOLUTE_FRAMES or not math.isnan(command.z):
         return MavResult.DENIED
-    with np.errstate(over="ignore"):
-        sent_us = u64_of_float(float(f32(command.param1) * _US_PER_S))
-        delay_ms = u32_of_float(float(f32(command.param2) * _MS_PER_S))
+    sent_us = u64_of_float(float(f32(command.param1) * _US_PER_S))
+    delay_ms = u32_of_float(float(f32(command.param2) * _MS_PER_S))
     time_ms = ctx.correct_time_ms(COMMAND_INT, sent_us)
     if time_ms > delay_ms:
         time_ms -= delay_ms

@@ -4,8 +4,6 @@
 
 from typing import Final
 
-import numpy as np
-
 from ap_core.cint import int_of_float, u8
 from ap_core.fmath import f32, is_zero
 from mav_handlers.channel import Context
@@ -73,6 +71,5 @@ def nav_takeoff(ctx: Context, command: COMMAND_INT) -> MavResult:
     """
     if command.frame != MAV_FRAME_GLOBAL_RELATIVE_ALT:
         return MavResult.DENIED
-    with np.errstate(over="ignore"):
-        altitude_cm = float(f32(command.z) * _CENTI)
+    altitude_cm = float(f32(command.z) * _CENTI)
     return accepted_if(ctx.vehicle.copter.take_off(altitude_cm, must_navigate=is_zero(f32(command.param3))))
