@@ -88,19 +88,23 @@ def compare(
         found = _compare_all(recordings, chosen, which=which)
     nearest = sorted(most_like(found), key=lambda name: name not in _named(found)) if which else []
     # The comparison under the profile nearest to all recordings, or the only one.
-    shown = [one[nearest[0]] if nearest else next(iter(one.values())) for one in found]
+    shown = [comparisons[nearest[0]] if nearest else next(iter(comparisons.values())) for comparisons in found]
     if as_json:
-        rows = [one.as_dict() for comparisons in found for one in comparisons.values()]
+        rows = [comparison.as_dict() for comparisons in found for comparison in comparisons.values()]
         like = {"most_like": nearest} if which else {}
-        out.print_json(data={"passed": all(one.passed for one in shown), "comparisons": rows, **like})
+        out.print_json(data={"passed": all(comparison.passed for comparison in shown), "comparisons": rows, **like})
     else:
         _print(shown)
         if which:
             _print_which(found, nearest)
     if output is not None:
         with write_text(output) as file:
-            file.write(make_page([one for comparisons in found for one in comparisons.values()], installed_version()))
-    if not (whole and all(one.passed for one in shown)):
+            file.write(
+                make_page(
+                    [comparison for comparisons in found for comparison in comparisons.values()], installed_version()
+                )
+            )
+    if not (whole and all(comparison.passed for comparison in shown)):
         raise typer.Exit(_FINDINGS)
 
 
@@ -143,12 +147,12 @@ def _compared(path: Path, chosen: Firmware | None, title: str, *, which: bool) -
 
 def _print(comparisons: list[Comparison]) -> None:
     out.print(summary_table(comparisons))
-    for one in comparisons:
-        out.print(f"{one.path}: {one.judged_as}")
-        for note in one.notes:
-            err.print(f"note: {one.path}: {note}")
-        if not one.passed:
-            out.print(field_table(one))
+    for comparison in comparisons:
+        out.print(f"{comparison.path}: {comparison.judged_as}")
+        for note in comparison.notes:
+            err.print(f"note: {comparison.path}: {note}")
+        if not comparison.passed:
+            out.print(field_table(comparison))
 
 
 def _print_which(found: list[Comparisons], nearest: list[str]) -> None:
@@ -162,4 +166,8 @@ def _print_which(found: list[Comparisons], nearest: list[str]) -> None:
 
 def _named(found: list[Comparisons]) -> list[str]:
     """Return the profiles that the recordings name."""
-    return list(dict.fromkeys(one.named for comparisons in found for one in comparisons.values() if one.named))
+    return list(
+        dict.fromkeys(
+            comparison.named for comparisons in found for comparison in comparisons.values() if comparison.named
+        )
+    )

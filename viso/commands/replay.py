@@ -191,7 +191,7 @@ def replay(
     imu = of_stream(imu, stream_file)
     with_filter = with_filter or (imu or "").startswith(FLOWN)
     assumed = _assumed(stream, {*recorded, *loaded, *assigned}) if with_filter and ahrs is None else []
-    recorded = {**recorded, **{one.name: one.value for one in assumed}}
+    recorded = {**recorded, **{parameter.name: parameter.value for parameter in assumed}}
     settings = {**recorded, **loaded, **assigned}
     changes = parse_assignments(changed or [], "--set", links=1, firmware=profile)
     uart_rate = (stream.baud if baud is None else baud) or None
@@ -215,7 +215,7 @@ def replay(
     outcomes, judges = _run_all(stream, runs, log, records, truth, recorder)
     _note(stream, judged_by, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
     if assumed:
-        named = ", ".join(f"{one.name}={one.value:g}" for one in assumed)
+        named = ", ".join(f"{parameter.name}={parameter.value:g}" for parameter in assumed)
         err.print(f"note: nothing tells these parameters; assumed so that the stream can be used: {named}")
     for line in judges[0].notes:
         err.print(f"note: {line}")

@@ -64,7 +64,7 @@ def report(
 
     Example: viso demo --camera simulated && viso report logs/00000001.BIN --tum flight.tum
     """
-    if output is None and all(one is None for one in (png, svg, tum, csv, mcap, web)):
+    if output is None and all(place is None for place in (png, svg, tum, csv, mcap, web)):
         output = Path()
     chosen = None if firmware is None else firmware_of(firmware)
     page = None if output is None else _page_path(output, log)
@@ -165,7 +165,7 @@ def _draw(
             lines = [
                 f"{summary.level.badge.upper()}: {summary.sentence}",
                 str(facts.judged_by),
-                *(f"- {one.text}" for one in summary.remarks),
+                *(f"- {remark.text}" for remark in summary.remarks),
             ]
             written.append(_write(page, drawing.as_pdf(page.stem, lines, drawn)))
     if page is not None and not is_pdf:

@@ -259,7 +259,7 @@ def _tell(
             out.print(line)
         return
     failed = [{"point": failure.number, "error": failure.error} for failure in failures]
-    best = [best_as_dict(plan, one, objective) for one in bests]
+    best = [best_as_dict(plan, best_point, objective) for best_point in bests]
     rows = [{name: value for name, value in row.items() if name != BY_TIME} for row in rows]
     told = {"points": plan.size, "objective": objective, "axis": swept_axis(plan), "best": best}
     out.print_json(data={**told, "failed": failed, "rows": rows})

@@ -173,7 +173,7 @@ def record_differences(recorded: Sequence[Line], ours: Sequence[Line], backend: 
 def text_differences(capture: Capture, texts: Sequence[tuple[int, str]]) -> Iterator[Difference]:
     """Yield what differs between recorded texts about visual odometry and ours, and in the severity of all texts."""
     recorded = [(severity, text) for severity, text in capture.header["statustext"]]
-    theirs, ours = ([text for _, text in one if text.startswith(ABOUT_VISUAL_ODOM)] for one in (recorded, texts))
+    theirs, ours = ([text for _, text in side if text.startswith(ABOUT_VISUAL_ODOM)] for side in (recorded, texts))
     which = capture.header.get("name"), len(capture.lines)
     for exception in TEXT_EXCEPTIONS:
         known = Counter(exception.recorded) <= Counter(theirs) and Counter(exception.ours) <= Counter(ours)
@@ -196,7 +196,7 @@ def _without(texts: Sequence[str], exceptions: Sequence[str]) -> list[str]:
 
 def ack_differences(recorded: Sequence[Sequence[int]], ours: Sequence[Sequence[int]]) -> Iterator[Difference]:
     """Yield what differs in acknowledgements: command and result, in order."""
-    theirs, mine = ([f"command {command} result {result}" for command, result in one] for one in (recorded, ours))
+    theirs, mine = ([f"command {command} result {result}" for command, result in side] for side in (recorded, ours))
     yield from sequence_differences("acknowledgements", "COMMAND_ACK", theirs, mine)
 
 

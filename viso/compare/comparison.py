@@ -51,8 +51,8 @@ class Comparison:
     @cached_property
     def by_field(self) -> Mapping[str, tuple[int, Difference]]:
         """The number of differences of each field, and the first of them."""
-        counts = Counter(one.field for one in self.differences)
-        first = {one.field: one for one in reversed(self.differences)}
+        counts = Counter(difference.field for difference in self.differences)
+        first = {difference.field: difference for difference in reversed(self.differences)}
         return {field: (count, first[field]) for field, count in counts.items()}
 
     def as_dict(self) -> dict[str, Any]:
@@ -61,9 +61,9 @@ class Comparison:
             {
                 "field": field,
                 "differences": count,
-                "first": {"place": one.place, "recorded": one.recorded, "ours": one.ours, "unit": one.unit},
+                "first": {"place": first.place, "recorded": first.recorded, "ours": first.ours, "unit": first.unit},
             }
-            for field, (count, one) in self.by_field.items()
+            for field, (count, first) in self.by_field.items()
         ]
         return {
             "recording": str(self.path),

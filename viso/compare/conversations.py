@@ -87,7 +87,7 @@ def _check_answers(line: Exchange) -> None:
     if not isinstance(others, dict):
         raise ValueError("'answers of' is not an object")
     for answers in (line["answers"], *others.values()):
-        pairs = isinstance(answers, list) and all(isinstance(one, list) and len(one) == 2 for one in answers)
+        pairs = isinstance(answers, list) and all(isinstance(answer, list) and len(answer) == 2 for answer in answers)
         if not pairs or not all(isinstance(name, str) and isinstance(fields, dict) for name, fields in answers):
             raise ValueError("'answers' is not a list of pairs of a message's name and its fields")
 
@@ -104,7 +104,7 @@ class Conversation:
         self._firmware = self._specified = firmware
         if specified:
             up_to = list(PROFILES.values())[: list(PROFILES).index(firmware.name) + 1]
-            self._specified = [firmware, *(one for one in up_to if one.name in specified)][-1]
+            self._specified = [firmware, *(profile for profile in up_to if profile.name in specified)][-1]
         vehicle = Vehicle(VehicleConfig(defaults=head["params"], firmware=firmware))
         self._channel = vehicle.endpoint.open_channel("client")
         self._scheduler = Scheduler(vehicle)
@@ -138,7 +138,7 @@ class Conversation:
             return wanted
         text = json.dumps(wanted)
         text = text.replace(str(before.sw_version), str(own.sw_version)).replace(before.banner, own.banner)
-        old_hash, own_hash = (json.dumps(list(one.source_hash.encode())) for one in (before, own))
+        old_hash, own_hash = (json.dumps(list(table.source_hash.encode())) for table in (before, own))
         return json.loads(text.replace(old_hash, own_hash))
 
     def ask(self, exchange: Exchange) -> tuple[Sequence[tuple[str, Mapping[str, Any]]], Sequence[Message]]:
@@ -146,7 +146,7 @@ class Conversation:
         self._send(message_of("'send'", exchange["send"]))
         self._wait(exchange.get("wait_ms", WAIT_MS))
         hidden = [*exchange.get("hide", ()), *(name for name in UNASKED if name not in exchange.get("also show", ()))]
-        return self._wanted(exchange), [one for one in self._received() if type(one).__name__ not in hidden]
+        return self._wanted(exchange), [message for message in self._received() if type(message).__name__ not in hidden]
 
 
 def answer_differences(
@@ -175,7 +175,7 @@ def answer_differences(
 def _number(value: Any) -> Any:
     """Return a value of JSON, where "nan" and "inf" stand for numbers."""
     if isinstance(value, list):
-        return [_number(one) for one in value]
+        return [_number(item) for item in value]
     return _NUMBERS.get(value, value) if isinstance(value, str) else value
 
 
@@ -204,6 +204,6 @@ def compare_conversation(path: Path, firmware: Firmware, on_progress: Callable[[
         wanted, got = conversation.ask(exchange)
         differences += answer_differences(exchange["name"], wanted, got)
         answers += len(wanted)
-        fields += sum(len(one.keys() - TIMES) for _, one in wanted)
+        fields += sum(len(answer.keys() - TIMES) for _, answer in wanted)
         on_progress(done, len(exchanges))
     return Comparison(path, CONVERSATION, firmware.name, len(exchanges), answers, answers + fields, tuple(differences))

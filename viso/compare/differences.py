@@ -79,7 +79,7 @@ def is_equal(field: str, recorded: Any, ours: Any, tolerance: Tolerance | None =
         )
     if tolerance is None:
         return not isinstance(recorded, np.float32) and bool(recorded == ours)
-    if not all(isinstance(one, int | float | np.float32) for one in (recorded, ours)):
+    if not all(isinstance(value, int | float | np.float32) for value in (recorded, ours)):
         return bool(recorded == ours)
     before, after = float(recorded), float(ours)
     if tolerance.is_share:
@@ -174,5 +174,7 @@ def sequence_differences(place: str, field: str, recorded: Sequence[str], ours: 
     """Yield replaced, missing and additional elements of two sequences."""
     for are_equal, theirs, mine in aligned(recorded, ours):
         for index, our_index in zip_longest(theirs, mine) if not are_equal else ():
-            values = (ABSENT if one is None else side[one] for one, side in ((index, recorded), (our_index, ours)))
+            values = (
+                ABSENT if number is None else side[number] for number, side in ((index, recorded), (our_index, ours))
+            )
             yield Difference(place, field, *values)

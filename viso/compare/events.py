@@ -87,7 +87,7 @@ def compare_changes(field: str, recorded: Timed[float], ours: Timed[float], tole
         return Event(time_s, value, f"{int(value):#x}")
 
     within_s = tolerances["XKF4.TimeUS"].within
-    return _compare(field, [event(*one) for one in recorded], [event(*one) for one in ours], 0.0, within_s)
+    return _compare(field, [event(*change) for change in recorded], [event(*change) for change in ours], 0.0, within_s)
 
 
 def compare_moves(
@@ -99,7 +99,7 @@ def compare_moves(
         return Event(time_s, None, "moved by {:.2f}, {:.2f} m".format(*by), by)
 
     step, within_s = tolerances["XKF4.OFN"].within, tolerances["XKF4.TimeUS"].within
-    return _compare("reset", [event(*one) for one in recorded], [event(*one) for one in ours], step, within_s)
+    return _compare("reset", [event(*move) for move in recorded], [event(*move) for move in ours], step, within_s)
 
 
 def _compare(

@@ -35,7 +35,7 @@ def compare_log(path: Path, firmware: Firmware, on_progress: Callable[[int, int]
     replays = {core: replay.until(end_s(path)) for core, replay in found.items() if replay is not None}
     if not replays:
         raise NothingToCompare(f"{path}: no XKF records to compare with")
-    differences = [one for core, replay in replays.items() for one in estimate_differences(replay, core)]
+    differences = [difference for core, replay in replays.items() for difference in estimate_differences(replay, core)]
     our_lanes, lanes = (until(texts, end_s(path)) for texts in (run.our_lanes, run.recorded_lanes))
     notes = [] if end_s(path) == math.inf else [f"compared up to {end_s(path):g} s"]
     if len(replays) < len(run.imus):

@@ -46,8 +46,8 @@ def surplus(row: Row, other: Row, objective: str = "nis") -> Surplus | None:
     """
     if not (row.get(BY_TIME) and other.get(BY_TIME)):
         return None
-    span_s = max(one[BY_TIME]["span_s"] for one in (row, other))
-    (counts, sums), (other_counts, other_sums) = (_spans(one, objective, span_s) for one in (row, other))
+    span_s = max(replay[BY_TIME]["span_s"] for replay in (row, other))
+    (counts, sums), (other_counts, other_sums) = (_spans(replay, objective, span_s) for replay in (row, other))
     count, other_count = sum(counts.values()), sum(other_counts.values())
     numbers = sorted({*counts, *other_counts})
     if len(numbers) < _FEWEST_SPANS or not (count and other_count):

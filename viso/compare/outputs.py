@@ -47,13 +47,13 @@ Comparisons = Mapping[str, Comparison]
 """Comparisons of a recording, by the profile that viso had."""
 
 
-def _summary_row(one: Comparison) -> tuple[str, ...]:
-    counts = one.messages, one.records, one.fields, len(one.differences)
-    return str(one.path), one.kind, one.firmware, *map(str, counts)
+def _summary_row(comparison: Comparison) -> tuple[str, ...]:
+    counts = comparison.messages, comparison.records, comparison.fields, len(comparison.differences)
+    return str(comparison.path), comparison.kind, comparison.firmware, *map(str, counts)
 
 
-def _field_rows(one: Comparison) -> Iterator[tuple[str, ...]]:
-    for field, (count, first) in one.by_field.items():
+def _field_rows(comparison: Comparison) -> Iterator[tuple[str, ...]]:
+    for field, (count, first) in comparison.by_field.items():
         yield field, str(count), first.place, first.recorded, first.ours, first.unit
 
 
@@ -67,10 +67,10 @@ def summary_table(comparisons: Sequence[Comparison]) -> Table:
     """Return a table with a row for each comparison."""
     numbers = (Column(name, justify="right") for name in _HEAD[3:])
     table = Table(Column(_HEAD[0], overflow="fold"), *_HEAD[1:3], *numbers, title="Recordings against viso")
-    names = _short_names([one.path for one in comparisons])
-    for one in comparisons:
-        _, *cells, differ = _summary_row(one)
-        table.add_row(names[one.path], *cells, Text(differ, "green" if one.passed else "red"))
+    names = _short_names([comparison.path for comparison in comparisons])
+    for comparison in comparisons:
+        _, *cells, differ = _summary_row(comparison)
+        table.add_row(names[comparison.path], *cells, Text(differ, "green" if comparison.passed else "red"))
     return table
 
 
@@ -85,12 +85,12 @@ def field_table(comparison: Comparison) -> Table:
 
 def firmware_table(found: Sequence[Comparisons]) -> Table:
     """Return a table of the number of differences with each profile, a row for each recording."""
-    names = _short_names([one.path for comparisons in found for one in comparisons.values()])
+    names = _short_names([comparison.path for comparisons in found for comparison in comparisons.values()])
     columns = (Column(name, justify="right") for name in PROFILES)
     table = Table(Column("differ", overflow="fold"), *columns, title="By firmware")
     for comparisons in found:
         path = next(iter(comparisons.values())).path
-        table.add_row(names[path], *(str(len(one.differences)) for one in comparisons.values()))
+        table.add_row(names[path], *(str(len(comparison.differences)) for comparison in comparisons.values()))
     return table
 
 
@@ -274,14 +274,14 @@ def merit_lines(before: Row, after: Row) -> Iterator[str]:
 
 def make_page(comparisons: Sequence[Comparison], version: str) -> str:
     """Return the page of comparisons, one for each recording and profile."""
-    failed = sum(not one.passed for one in comparisons)
+    failed = sum(not comparison.passed for comparison in comparisons)
     kind, badge = ("bad", "differs") if failed else ("good", "equal")
     summary = f"{failed} of {len(comparisons)} comparisons differ" if failed else "Nothing differs"
     rows = map(_summary_row, comparisons)
     body = [
         "<h1>An autopilot's recordings against viso</h1>",
         f'<section class="verdict {kind}"><span class="tag">{badge}</span> <strong>{summary}.</strong></section>',
-        html.table(_HEAD, rows, (3, 4, 5, 6), ("" if one.passed else "trouble" for one in comparisons)),
+        html.table(_HEAD, rows, (3, 4, 5, 6), ("" if comparison.passed else "trouble" for comparison in comparisons)),
     ]
     for one in comparisons:
         body.append(f"<h2>{escape(f'{one.path} as {one.firmware}')}</h2>")

@@ -124,7 +124,7 @@ def kind_of(path: Path) -> RecordingKind:
     """
     fitting = [kind for kind in RECORDING_KINDS.values() if path.name.lower().endswith(kind.endings)]
     if not fitting:
-        endings = ", ".join(dict.fromkeys(one for kind in RECORDING_KINDS.values() for one in kind.endings))
+        endings = ", ".join(dict.fromkeys(ending for kind in RECORDING_KINDS.values() for ending in kind.endings))
         raise NothingToCompare(f"{path}: by its ending no recording that can be compared; there are {endings}")
     if len(fitting) == 1:
         return fitting[0]
@@ -137,15 +137,15 @@ def kind_of(path: Path) -> RecordingKind:
 
 def recordings_in(paths: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
     """Yield recordings, in folders by ending, and whether from a folder; InputError if a folder has none."""
-    endings = tuple(one for kind in RECORDING_KINDS.values() for one in kind.endings)
+    endings = tuple(ending for kind in RECORDING_KINDS.values() for ending in kind.endings)
     for path in paths:
         if not path.is_dir():
             yield path, False
             continue
-        found = sorted(one for one in path.rglob("*") if one.name.lower().endswith(endings) and one.is_file())
+        found = sorted(file for file in path.rglob("*") if file.name.lower().endswith(endings) and file.is_file())
         if not found:
             raise InputError(f"{path}: a folder without recordings ({', '.join(dict.fromkeys(endings))})")
-        yield from ((one, True) for one in found)
+        yield from ((recording, True) for recording in found)
 
 
 def compare_recording(

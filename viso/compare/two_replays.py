@@ -103,9 +103,9 @@ class InnovationChange(NamedTuple):
         sides = {"before": self.before, "after": self.after}
         return {
             "kind": self.kind,
-            **{f"rejected_{side}": one.rejected for side, one in sides.items()},
-            **{f"rms_{side}": one.rms for side, one in sides.items()},
-            **{f"ratio_{side}": one.worst_ratio for side, one in sides.items()},
+            **{f"rejected_{side}": innovation.rejected for side, innovation in sides.items()},
+            **{f"rms_{side}": innovation.rms for side, innovation in sides.items()},
+            **{f"ratio_{side}": innovation.worst_ratio for side, innovation in sides.items()},
             "unit": UNITS[self.kind],
             "model": True,
         }
@@ -162,11 +162,11 @@ class ReplayComparison:
             before, after = change.reasons()
             messages.append({**change._asdict(), "before_reason": before, "after_reason": after})
         samples = []
-        for one in self.samples:
-            rule = RULES_BY_CODE[one.rule]
-            samples.append({**one._asdict(), "reason": rule.text, "model": is_model(rule)})
+        for sample in self.samples:
+            rule = RULES_BY_CODE[sample.rule]
+            samples.append({**sample._asdict(), "reason": rule.text, "model": is_model(rule)})
         return {
-            "verdicts": [one._asdict() | {"reason": reason_of(one.rule)} for one in self.verdicts],
+            "verdicts": [verdict._asdict() | {"reason": reason_of(verdict.rule)} for verdict in self.verdicts],
             "filter": samples,
             "changed_messages": self.changed_messages,
             "first_messages": messages,
@@ -183,7 +183,9 @@ def compare_replays(before: ReplayOutcome, after: ReplayOutcome) -> ReplayCompar
     pairs = list(enumerate(zip(before.messages, after.messages, strict=False), 1))
     records = [number for number, pair in pairs if any(_differences(number, *map(_record_rows, pair)))]
     spans_before, spans_after = before.aiding or (), after.aiding or ()
-    first, second = ({(kind,): one for kind, one in (run.innovations or {}).items()} for run in (before, after))
+    first, second = (
+        {(kind,): innovation for kind, innovation in (run.innovations or {}).items()} for run in (before, after)
+    )
     return ReplayComparison(
         [
             CountChange(name, outcome.value, code, *counts)
@@ -255,10 +257,10 @@ def _differences(number: int, before: Sequence[Row], after: Sequence[Row]) -> It
 
 
 def _message_changes(number: int, before: ReplayedMessage, after: ReplayedMessage) -> Iterator[MessageChange]:
-    for one in _differences(number, _rule_rows(before), _rule_rows(after)):
-        codes = (None if code == ABSENT else code for code in (one.recorded, one.ours))
-        yield MessageChange(number, before.arrival_us, before.type, one.field, *codes)
-        if one.field == VERDICT:  # its samples follow from that
+    for difference in _differences(number, _rule_rows(before), _rule_rows(after)):
+        codes = (None if code == ABSENT else code for code in (difference.recorded, difference.ours))
+        yield MessageChange(number, before.arrival_us, before.type, difference.field, *codes)
+        if difference.field == VERDICT:  # its samples follow from that
             return
 
 
@@ -286,12 +288,12 @@ def _text_changes(before: Sequence[SaidText], after: Sequence[SaidText]) -> list
     """Pair equal texts, regardless of texts in between: parameters change times, and with them the order."""
     times: defaultdict[tuple[int, str], tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))
     for index, texts in enumerate((before, after)):
-        for one in texts:
-            times[one.severity, one.text][index].append(one.time_us)
+        for said in texts:
+            times[said.severity, said.text][index].append(said.time_us)
     changes = [
         TextChange(severity, text, *pair)
         for (severity, text), both in times.items()
         for pair in zip_longest(*both)
         if pair[0] != pair[1]
     ]
-    return sorted(changes, key=lambda one: min(time for time in (one.before_us, one.after_us) if time is not None))
+    return sorted(changes, key=lambda said: min(time for time in (said.before_us, said.after_us) if time is not None))

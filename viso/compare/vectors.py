@@ -25,7 +25,7 @@ _LABELS: Final = {
     "prearm": ["passed", "text"],
     "status": ["enabled", "healthy", "quality"],
     "internal_error": [],
-    **{one.name: list(one.fields) for one in LOG_STRUCTURE_FROM_VISUALODOM},
+    **{structure.name: list(structure.fields) for structure in LOG_STRUCTURE_FROM_VISUALODOM},
 }
 """The labels of each consequence's values."""
 
@@ -41,17 +41,21 @@ def _places(line: Any) -> list[Place]:
     if "samples" in line:
         labels = ["corrected_us"]
         return [
-            (f", sample {index}", [Row("", _labelled(labels, one[2:]))]) for index, one in enumerate(line["samples"])
+            (f", sample {index}", [Row("", _labelled(labels, sample[2:]))])
+            for index, sample in enumerate(line["samples"])
         ]
-    return [(f", step {index}", _consequences(one)) for index, one in enumerate(line["steps"])]
+    return [(f", step {index}", _consequences(step)) for index, step in enumerate(line["steps"])]
 
 
 def _consequences(step: Any) -> list[Row]:
     out = step[-1].get("out") if isinstance(step[-1], dict) else None
-    if not isinstance(out, list) or not all(isinstance(one, list) and one for one in out):
+    if not isinstance(out, list) or not all(isinstance(consequence, list) and consequence for consequence in out):
         raise VectorError(f"a step without a list of consequences in 'out': {str(step)[:60]}")
     # A record's name is its second word.
-    named = ([str(one[1]), *one[2:]] if one[0] == "log" and len(one) > 1 else one for one in out)
+    named = (
+        [str(consequence[1]), *consequence[2:]] if consequence[0] == "log" and len(consequence) > 1 else consequence
+        for consequence in out
+    )
     return [Row(str(name), _labelled(_LABELS.get(name, []), values)) for name, *values in named]
 
 

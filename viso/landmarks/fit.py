@@ -113,9 +113,9 @@ class _Matches:
 def _matches(landmarks: Sequence[Landmark], pictures: Sequence[Detections]) -> _Matches:
     places = {landmark.id: (landmark.x_m, landmark.y_m, landmark.z_m) for landmark in landmarks}
     rows = [
-        (picture.t_s, one.u_px, one.v_px, *places[name])
+        (picture.t_s, detection.u_px, detection.v_px, *places[name])
         for picture in pictures
-        for name, one in first_of_each(picture.landmarks)[0].items()
+        for name, detection in first_of_each(picture.landmarks)[0].items()
         if name in places
     ]
     table = np.array(rows).reshape(-1, 6)

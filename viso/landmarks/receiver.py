@@ -87,27 +87,29 @@ def estimate_receiver(
         return None
     weights = _weights(heard, now_s)
     middle = _mean_place(heard, weights)
-    enu = to_enu(mode, middle, [one.latitude_deg for one in heard], [one.longitude_deg for one in heard], 0.0)[:, :2]
+    enu = to_enu(
+        mode, middle, [aircraft.latitude_deg for aircraft in heard], [aircraft.longitude_deg for aircraft in heard], 0.0
+    )[:, :2]
     kept = _gate(enu, weights)
     centre, covariance = _moments(enu[kept], weights[kept])
     east_m, north_m = centre.tolist()
     minor_m, major_m = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance), 0.0)).tolist()
-    used = [one for one, keep in zip(heard, kept.tolist(), strict=True) if keep]
+    used = [aircraft for aircraft, keep in zip(heard, kept.tolist(), strict=True) if keep]
     return ReceiverEstimate(
         now_s,
         to_geodetic(mode, middle, east_m, north_m, 0.0),
         major_m,
         minor_m,
         _confidence(used, len(heard), major_m),
-        tuple(one.icao for one in used),
+        tuple(aircraft.icao for aircraft in used),
         len(heard) - len(used),
     )
 
 
 def _weights(heard: Sequence[AircraftReport], now_s: float) -> Array:
     """Return weights with sum 1: fresh reports count more, and low aircraft, which cannot be heard from afar."""
-    ages_s = np.array([max(now_s - one.t_s, 0.0) for one in heard])
-    alts_ft = np.array([_UNKNOWN_ALTITUDE_FT if one.altitude_ft is None else one.altitude_ft for one in heard])
+    ages_s = np.array([max(now_s - report.t_s, 0.0) for report in heard])
+    alts_ft = np.array([_UNKNOWN_ALTITUDE_FT if report.altitude_ft is None else report.altitude_ft for report in heard])
     # Pressure altitudes below the sea's level are real, but a weight needs a height above it.
     weights: Array = np.exp(-ages_s / _AGE_SCALE_S) / np.sqrt(np.maximum(alts_ft, 0.0) + 500)
     weights /= weights.sum()
@@ -115,10 +117,10 @@ def _weights(heard: Sequence[AircraftReport], now_s: float) -> Array:
 
 
 def _mean_place(heard: Sequence[AircraftReport], weights: Array) -> GeodeticPoint:
-    latitude_deg = float(weights.dot([one.latitude_deg for one in heard]))
+    latitude_deg = float(weights.dot([report.latitude_deg for report in heard]))
     # Counted from one of them: they may be on both sides of the date line.
     first_deg = heard[0].longitude_deg
-    turn_deg = float(weights.dot([math.remainder(one.longitude_deg - first_deg, 360) for one in heard]))
+    turn_deg = float(weights.dot([math.remainder(report.longitude_deg - first_deg, 360) for report in heard]))
     return GeodeticPoint(latitude_deg, math.remainder(first_deg + turn_deg, 360))
 
 
@@ -141,7 +143,7 @@ def _gate(enu: Array, weights: Array) -> Any:
 
 
 def _confidence(used: Sequence[AircraftReport], heard: int, sigma_major_m: float) -> float:
-    low = sum(one.altitude_ft is not None and one.altitude_ft < _LOW_FT for one in used)
+    low = sum(report.altitude_ft is not None and report.altitude_ft < _LOW_FT for report in used)
     many = 0.30 * min(len(used) / 20, 1) + 0.30 * min(low / 6, 1)
     return many + 0.25 * math.exp(-sigma_major_m / 40e3) + 0.15 * len(used) / heard
 

@@ -34,8 +34,8 @@ def scene_row(scene: Scene) -> dict[str, Any]:
         "t_s": scene.t_s,
         "picture": scene.number,
         "pose": scene.situation.label,
-        "innovations": [_innovation(one) for one in landmarks.innovations],
-        "aircraft": [_innovation(one, seen=seen) for one, seen in _of_aircraft(scene)],
+        "innovations": [_innovation(innovation) for innovation in landmarks.innovations],
+        "aircraft": [_innovation(innovation, seen=seen) for innovation, seen in _of_aircraft(scene)],
         "unmatched": [*landmarks.unmatched, *aircraft.unmatched],
         "not_projected": [*landmarks.not_projected, *aircraft.not_projected],
         "duplicates": [*landmarks.duplicates, *aircraft.duplicates],
@@ -45,10 +45,10 @@ def scene_row(scene: Scene) -> dict[str, Any]:
 def csv_rows(scene: Scene) -> Iterator[tuple[Any, ...]]:
     """Yield the innovations of a scene, with the columns of ``CSV_COLUMNS``."""
     head = (scene.t_s, scene.number, scene.situation.label)
-    for one in scene.landmark_residuals.innovations:
-        yield (*head, "landmark", *_innovation(one).values(), True)
-    for one, seen in _of_aircraft(scene):
-        yield (*head, "aircraft", *_innovation(one).values(), seen)
+    for innovation in scene.landmark_residuals.innovations:
+        yield (*head, "landmark", *_innovation(innovation).values(), True)
+    for innovation, seen in _of_aircraft(scene):
+        yield (*head, "aircraft", *_innovation(innovation).values(), seen)
 
 
 def live_line(scene: Scene) -> str:
@@ -57,7 +57,10 @@ def live_line(scene: Scene) -> str:
     parts = [f"{scene.t_s:.2f} s #{scene.number} [{scene.situation.label}]", f"{len(innovations)} landmarks"]
     if innovations:
         count = len(innovations)
-        du_px, dv_px = (sum(one.du_px for one in innovations), sum(one.dv_px for one in innovations))
+        du_px, dv_px = (
+            sum(innovation.du_px for innovation in innovations),
+            sum(innovation.dv_px for innovation in innovations),
+        )
         parts.append(f"{du_px / count:+.1f} {dv_px / count:+.1f} px in the mean")
     if scene.aircraft:
         parts.append(f"{len(scene.aircraft)} aircraft")
@@ -175,13 +178,13 @@ def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
 
 
-def _innovation(one: Innovation, **more: Any) -> dict[str, Any]:
-    return {name: getattr(one, name) for name in _INNOVATION} | more
+def _innovation(innovation: Innovation, **more: Any) -> dict[str, Any]:
+    return {name: getattr(innovation, name) for name in _INNOVATION} | more
 
 
 def _of_aircraft(scene: Scene) -> Iterator[tuple[Innovation, bool]]:
     """Yield the innovations of aircraft that were seen, then of those whose actual place is that of raw odometry."""
-    yield from ((one, True) for one in scene.aircraft_residuals.innovations)
+    yield from ((innovation, True) for innovation in scene.aircraft_residuals.innovations)
     for mark in scene.aircraft:
         if not mark.seen and mark.predicted is not None and mark.actual is not None:
             yield Innovation(mark.id, *mark.predicted, *mark.actual, mark.in_image, mark.range_m), False

@@ -89,7 +89,7 @@ def landmark_residuals(
     camera: Camera, pose: VehiclePose, landmarks: Sequence[Landmark], detections: Detections
 ) -> Residuals:
     """Compare the landmarks of a picture with their prediction by the pose when it was taken."""
-    xyz = np.array([(one.x_m, one.y_m, one.z_m) for one in landmarks]).reshape(-1, 3)
+    xyz = np.array([(landmark.x_m, landmark.y_m, landmark.z_m) for landmark in landmarks]).reshape(-1, 3)
     projection = project(camera, pose, xyz, LANDMARK_NEAREST_M)
     across = xyz[:, :2] - camera_centre(camera, pose)[:2]
     ranges_m = np.hypot(across[:, 0], across[:, 1]).tolist()
@@ -134,7 +134,7 @@ def _residuals(
     places = {name: index for index, name in enumerate(ids)}
     predicted, in_image = projection.uv_px.tolist(), projection.in_image.tolist()
     innovations, unmatched, not_projected = [], [], []
-    for name, one in first.items():
+    for name, detection in first.items():
         at = places.get(name)
         if at is None:
             unmatched.append(name)
@@ -143,7 +143,7 @@ def _residuals(
         if math.isnan(u_px):
             not_projected.append(name)
         else:
-            innovations.append(Innovation(name, u_px, v_px, one.u_px, one.v_px, in_image[at], ranges_m[at]))
+            innovations.append(Innovation(name, u_px, v_px, detection.u_px, detection.v_px, in_image[at], ranges_m[at]))
     return Residuals(tuple(innovations), tuple(unmatched), tuple(not_projected), duplicates)
 
 
@@ -187,7 +187,7 @@ def innovation_statistics(innovations: Sequence[Innovation]) -> InnovationStatis
     if not innovations:
         none = (float("nan"), float("nan"))
         return InnovationStatistics(0, none, none, none, none)
-    values = np.array([(one.du_px, one.dv_px) for one in innovations])
+    values = np.array([(innovation.du_px, innovation.dv_px) for innovation in innovations])
     median = np.median(values, axis=0)
     mad = np.median(np.abs(values - median), axis=0)
     figures = values.mean(axis=0), median, values.std(axis=0), _SIGMA_OF_MAD * mad
@@ -196,7 +196,7 @@ def innovation_statistics(innovations: Sequence[Innovation]) -> InnovationStatis
 
 def summarise(pictures: Collection[Residuals]) -> Summary:
     per_id: defaultdict[str, list[Innovation]] = defaultdict(list)
-    everything = [one for picture in pictures for one in picture.innovations]
+    everything = [innovation for picture in pictures for innovation in picture.innovations]
     for innovation in everything:
         per_id[innovation.id].append(innovation)
     return Summary(

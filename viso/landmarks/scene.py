@@ -169,20 +169,20 @@ def horizon(situation: Situation) -> tuple[Pixel, Pixel] | None:
 
 def _landmark_marks(situation: Situation, seen: Sequence[Detection]) -> tuple[Mark, ...]:
     camera_x, camera_y, _ = situation.camera_xyz.tolist()
-    points = np.array([(one.x_m, one.y_m, one.z_m) for one in situation.landmarks]).reshape(-1, 3)
+    points = np.array([(landmark.x_m, landmark.y_m, landmark.z_m) for landmark in situation.landmarks]).reshape(-1, 3)
     predicted, inside = _pixels(project(situation.camera, situation.pose, points, LANDMARK_NEAREST_M))
     actual = _places(seen)
     return tuple(
         Mark(
-            one.id,
-            one.x_m,
-            one.y_m,
+            landmark.id,
+            landmark.x_m,
+            landmark.y_m,
             predicted[index],
-            actual.get(one.id),
+            actual.get(landmark.id),
             inside[index],
-            math.hypot(one.x_m - camera_x, one.y_m - camera_y),
+            math.hypot(landmark.x_m - camera_x, landmark.y_m - camera_y),
         )
-        for index, one in enumerate(situation.landmarks)
+        for index, landmark in enumerate(situation.landmarks)
     )
 
 
@@ -226,4 +226,4 @@ def _pixels(projection: Projection) -> tuple[list[Pixel | None], list[bool]]:
 
 
 def _places(seen: Sequence[Detection]) -> dict[str, Pixel]:
-    return {name: (one.u_px, one.v_px) for name, one in first_of_each(seen)[0].items()}
+    return {name: (detection.u_px, detection.v_px) for name, detection in first_of_each(seen)[0].items()}

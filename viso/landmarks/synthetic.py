@@ -149,17 +149,17 @@ class SyntheticFlight:
         return GlobalFix(t_s, _geodetic(pose.x_m, pose.y_m, HEIGHT_M))
 
     def _reports(self, t_s: float) -> Iterator[AircraftReport]:
-        for one in self.traffic:
-            point = _geodetic(*one.enu(t_s))
+        for aircraft in self.traffic:
+            point = _geodetic(*aircraft.enu(t_s))
             yield AircraftReport(
                 t_s,
-                one.icao,
+                aircraft.icao,
                 point.latitude_deg,
                 point.longitude_deg,
-                point.alt_m / M_PER_FT if one.tells_altitude else None,
-                one.speed_m_s / M_S_PER_KT,
-                math.degrees(one.heading_rad(t_s)) % 360,
-                one.climb_m_s / M_S_PER_FT_MIN,
+                point.alt_m / M_PER_FT if aircraft.tells_altitude else None,
+                aircraft.speed_m_s / M_S_PER_KT,
+                math.degrees(aircraft.heading_rad(t_s)) % 360,
+                aircraft.climb_m_s / M_S_PER_FT_MIN,
             )
 
     def _pictures(self) -> Iterator[Detections]:
@@ -188,8 +188,8 @@ class SyntheticFlight:
         for index in np.flatnonzero(rng.random(len(inside)) < self.wrong_share).tolist():
             sources[index] = (index + int(rng.integers(1, max(len(inside), 2)))) % len(inside)
         return tuple(
-            Detection(one.id, inside[source].predicted_u_px + du, inside[source].predicted_v_px + dv)
-            for one, source, (du, dv) in zip(inside, sources, noise.tolist(), strict=True)
+            Detection(innovation.id, inside[source].predicted_u_px + du, inside[source].predicted_v_px + dv)
+            for innovation, source, (du, dv) in zip(inside, sources, noise.tolist(), strict=True)
         )
 
 

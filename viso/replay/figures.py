@@ -226,15 +226,15 @@ class Judge:
 
     def _of_innovations(self) -> Row:
         squares = self._squares.values()
-        tested = sum(one.tested for one in squares)
+        tested = sum(square_sum.tested for square_sum in squares)
         row: Row = {"tested": tested}
         if not tested:
             return row
-        row["nis"] = sum(one.normalised for one in squares) / tested
-        row["worst_ratio"] = max(one.worst_ratio for one in squares)
-        for kind, one in self._squares.items():
-            row[f"nis_{kind}"] = one.normalised / one.tested
-            row[f"rms_{kind}"] = math.sqrt(one.innovation / one.tested)
+        row["nis"] = sum(square_sum.normalised for square_sum in squares) / tested
+        row["worst_ratio"] = max(square_sum.worst_ratio for square_sum in squares)
+        for kind, square_sum in self._squares.items():
+            row[f"nis_{kind}"] = square_sum.normalised / square_sum.tested
+            row[f"rms_{kind}"] = math.sqrt(square_sum.innovation / square_sum.tested)
         return row
 
     def _of_places(self) -> Row:

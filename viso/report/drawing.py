@@ -70,7 +70,7 @@ def new_figure(height_in: float) -> Figure:
 
 def plain(text: str) -> str:
     """Return a text of the log with every character that the font may lack as a question mark."""
-    return "".join(one if one.isprintable() and ord(one) < 0x250 else "?" for one in text)
+    return "".join(char if char.isprintable() and ord(char) < 0x250 else "?" for char in text)
 
 
 def dots(axes: Any, x: Array, y: Array, colour: str, label: str, size: float = 3.0) -> None:
@@ -139,7 +139,7 @@ def as_pdf(title: str, lines: Sequence[str], figures: Sequence[Figure]) -> bytes
     """Return a document: lines of any length on pages of their own, each with the title, then each figure on one."""
     from matplotlib.backends.backend_pdf import PdfPages
 
-    rows = [row for one in lines for row in textwrap.wrap(plain(one), _PDF_COLUMNS) or [""]]
+    rows = [row for line in lines for row in textwrap.wrap(plain(line), _PDF_COLUMNS) or [""]]
     data = io.BytesIO()
     with PdfPages(data, metadata={"Title": plain(title), "CreationDate": None}) as pages:
         for start in range(0, len(rows), _PDF_ROWS):

@@ -123,12 +123,12 @@ class Facts:
 
 def facts_of(material: Material, given: Firmware | None = None) -> Facts:
     """Return what a report says about a log; ``given`` is the release to judge it by, if the user asks for one."""
-    judged_by = profile_for(material.flown, {one.name for one in material.parameters}, given)
-    times = [one.time_s for one in (*material.vision, material.xkf1, material.xkf4) if len(one)]
-    spoken = np.array([one.time_s for one in material.happenings])
+    judged_by = profile_for(material.flown, {parameter.name for parameter in material.parameters}, given)
+    times = [series.time_s for series in (*material.vision, material.xkf1, material.xkf4) if len(series)]
+    spoken = np.array([happening.time_s for happening in material.happenings])
     every_s = np.concatenate([*times, spoken]) if times or len(spoken) else np.zeros(1)
     start_s, end_s = float(every_s.min()), float(every_s.max())
-    arrivals_s = np.unique(np.concatenate([one.time_s for one in material.vision]))
+    arrivals_s = np.unique(np.concatenate([series.time_s for series in material.vision]))
     steps_s = np.diff(arrivals_s)
     gaps = [(float(arrivals_s[i]), float(arrivals_s[i + 1])) for i in np.flatnonzero(steps_s > UNHEALTHY_S)]
     if len(arrivals_s) and end_s - arrivals_s[-1] > UNHEALTHY_S:
@@ -219,8 +219,8 @@ def _resets(material: Material) -> Sequence[Reset]:
         found.append(Reset(float(time_s), f"position moved by {north_m:+.2f} m north, {east_m:+.2f} m east", "EKF"))
     events = {EV_YAW_RESET: "yaw", EV_ALT_RESET: "height"}
     found += [
-        Reset(one.time_s, f"{events[one.number]} reset", "EKF")
-        for one in material.happenings
-        if one.kind == "event" and one.number in events
+        Reset(happening.time_s, f"{events[happening.number]} reset", "EKF")
+        for happening in material.happenings
+        if happening.kind == "event" and happening.number in events
     ]
     return found

@@ -195,7 +195,7 @@ def _resets(axes: Any, source: Series, facts: Facts) -> None:
     if source.has("Rst"):
         axes.step(source.time_s, source["Rst"], where="post", color=VISION, lw=1.3, label="reset counter of vision")
     for colour, kind in ((EKF, "position"), (VIOLET, "yaw"), (GREEN, "height")):
-        times = [one.time_s for one in facts.resets if one.by == "EKF" and one.what.startswith(kind)]
+        times = [reset.time_s for reset in facts.resets if reset.by == "EKF" and reset.what.startswith(kind)]
         if times:
             across = axes.get_xaxis_transform()
             axes.vlines(times, 0, 1, transform=across, color=colour, lw=1.1, ls=":", label=f"EKF {kind} reset")

@@ -108,12 +108,12 @@ class Material:
 
     def parameter(self, name: str) -> float | None:
         """Return the last value of a parameter; None if the log has none."""
-        return next((one.value for one in reversed(self.parameters) if one.name == name), None)
+        return next((parameter.value for parameter in reversed(self.parameters) if parameter.name == name), None)
 
     @property
     def flown(self) -> FlownVersion | None:
         """The release that flew, by its own words; None if the log has none."""
-        versions = (version_in(one.text) for one in self.happenings if one.kind == "text")
+        versions = (version_in(happening.text) for happening in self.happenings if happening.kind == "text")
         return next((version for version in versions if version is not None), None)
 
     @property
@@ -197,7 +197,7 @@ def _told(log: LogColumns, on_progress: Callable[[float], None]) -> Iterator[Hap
             on_progress(100.0 * number / count)
 
 
-def _material(path: Path, log: LogColumns, told: Sequence[Happening | LoggedParameter | None]) -> Material:
+def _material(path: Path, log: LogColumns, items: Sequence[Happening | LoggedParameter | None]) -> Material:
     series, left_out = {}, 0
     for kind, all_labels in _LABELS.items():
         series[kind], lost = series_of(table_with(log, kind, all_labels), [labels[0] for labels in all_labels])
@@ -214,8 +214,8 @@ def _material(path: Path, log: LogColumns, told: Sequence[Happening | LoggedPara
         xkf4=of_filter.status,
         cores_shown=of_filter.cores_shown,
         unseen_primary_s=of_filter.unseen_primary_s,
-        happenings=tuple(sorted((one for one in told if isinstance(one, Happening)), key=lambda one: one.time_s)),
-        parameters=tuple(one for one in told if isinstance(one, LoggedParameter)),
+        happenings=tuple(sorted((item for item in items if isinstance(item, Happening)), key=lambda item: item.time_s)),
+        parameters=tuple(item for item in items if isinstance(item, LoggedParameter)),
         left_out=left_out + of_filter.left_out,
         stream=_stream(path, log),
         vehicle=vehicle_in(path, log),

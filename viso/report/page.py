@@ -44,8 +44,8 @@ def make_page(
 
 def _verdict(summary: Summary) -> str:
     items = "".join(
-        f'<li class="{_CLASSES[one.level]}"><span class="tag">{one.level.badge}</span>{escape(one.text)}</li>'
-        for one in summary.remarks
+        f'<li class="{_CLASSES[remark.level]}"><span class="tag">{remark.level.badge}</span>{escape(remark.text)}</li>'
+        for remark in summary.remarks
     )
     listed = f'<ul class="remarks">{items}</ul>' if items else ""
     return (
@@ -109,7 +109,9 @@ def _verdicts(facts: Facts) -> str:
         )
         for kind in facts.kinds
     ]
-    resets = table(("time, s", "by", "what"), [(f"{one.time_s:.3f}", one.by, one.what) for one in facts.resets], (0,))
+    resets = table(
+        ("time, s", "by", "what"), [(f"{reset.time_s:.3f}", reset.by, reset.what) for reset in facts.resets], (0,)
+    )
     return (
         '<h2 id="verdicts">Outcomes</h2>\n'
         + table(head, rows, (2, 3, 4, 5, 6, 7))
@@ -121,13 +123,13 @@ def _verdicts(facts: Facts) -> str:
 
 
 def _texts(material: Material) -> str:
-    head, told = '<h2 id="texts">Texts and events</h2>\n', material.happenings
-    if not told:
+    head, happenings = '<h2 id="texts">Texts and events</h2>\n', material.happenings
+    if not happenings:
         return f'{head}<p class="soft">None.</p>'
-    rows = ((f"{one.time_s:.3f}", one.kind, one.text) for one in told)
-    classes = ("trouble" if one.is_trouble else one.kind for one in told)
+    rows = ((f"{happening.time_s:.3f}", happening.kind, happening.text) for happening in happenings)
+    classes = ("trouble" if happening.is_trouble else happening.kind for happening in happenings)
     listed = table(("time, s", "kind", "what"), rows, (0,), classes)
-    return f"{head}<details open><summary>{len(told)} of them</summary>{listed}</details>"
+    return f"{head}<details open><summary>{len(happenings)} of them</summary>{listed}</details>"
 
 
 def _parameters(facts: Facts) -> str:
@@ -135,8 +137,8 @@ def _parameters(facts: Facts) -> str:
     head = '<h2 id="parameters">Parameters that differ from defaults</h2>\n'
     if not facts.parameters.known:
         return f'{head}<p class="soft">The log has no parameters.</p>'
-    near = [one for one in changed if one.about_vision]
-    far = [one for one in changed if not one.about_vision]
+    near = [parameter for parameter in changed if parameter.about_vision]
+    far = [parameter for parameter in changed if not parameter.about_vision]
     others = f"<details><summary>{len(far)} others</summary>{_parameter_table(far)}</details>" if far else ""
     first = _parameter_table(near) if near else '<p class="soft">None about external navigation or the EKF.</p>'
     source = (
@@ -146,10 +148,12 @@ def _parameters(facts: Facts) -> str:
 
 
 def _parameter_table(rows: Sequence[ChangedParameter]) -> str:
-    def cells(one: ChangedParameter) -> tuple[str, ...]:
-        defaults = ["" if math.isnan(value) else f"{value:.7g}" for value in (one.log_default, one.firmware_default)]
-        changes = ", ".join(f"{value:.7g} at {time_s:.1f} s" for time_s, value in one.changes)
-        return one.name, f"{one.value:.7g}", *defaults, changes
+    def cells(parameter: ChangedParameter) -> tuple[str, ...]:
+        defaults = [
+            "" if math.isnan(value) else f"{value:.7g}" for value in (parameter.log_default, parameter.firmware_default)
+        ]
+        changes = ", ".join(f"{value:.7g} at {time_s:.1f} s" for time_s, value in parameter.changes)
+        return parameter.name, f"{parameter.value:.7g}", *defaults, changes
 
     head = ("parameter", "value", "default in the log", "of the firmware", "set while logging")
     return table(head, map(cells, rows), (1, 2, 3))

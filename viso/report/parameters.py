@@ -62,18 +62,18 @@ class ParameterFacts:
 def parameter_facts(material: Material, firmware: Firmware = DEFAULT) -> ParameterFacts:
     """Return which parameters are worth a look, as a release has them."""
     by_name: dict[str, list[LoggedParameter]] = {}
-    for one in material.parameters:
-        by_name.setdefault(one.name, []).append(one)
+    for parameter in material.parameters:
+        by_name.setdefault(parameter.name, []).append(parameter)
     table = ParamTable(make_groups(MAX_LINKS, make_params(), firmware.params)) if by_name else None
     changed, without_default = [], 0
     for name, records in sorted(by_name.items()):
-        log_default = next((one.default for one in records if math.isfinite(one.default)), math.nan)
+        log_default = next((record.default for record in records if math.isfinite(record.default)), math.nan)
         known = None if table is None else table.find(name)
         firmware_default = math.nan if known is None else float(known.value)
-        defaults = [one for one in (log_default, firmware_default) if math.isfinite(one)]
+        defaults = list(filter(math.isfinite, (log_default, firmware_default)))
         without_default += not defaults
         value, changes = records[-1].value, _changes(records)
-        differs = any(np.float32(value) != np.float32(one) for one in defaults)
+        differs = any(np.float32(value) != np.float32(default) for default in defaults)
         if (differs or changes) and not name.startswith("STAT_"):
             changed.append(ChangedParameter(name, value, log_default, firmware_default, changes))
     return ParameterFacts(tuple(changed), len(by_name), without_default)

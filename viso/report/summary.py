@@ -106,13 +106,13 @@ def _remarks(material: Material, facts: Facts) -> Iterator[Remark]:
 
 def _of_filter(material: Material, facts: Facts) -> Iterator[Remark]:
     """Yield what the vehicle's own filter said, and errors that the doctor finds, in the doctor's words."""
-    told = [one for one in facts.findings if one.code in OWN_CODES]
-    for one in told:
-        yield Remark(Level.BAD if one.severity is Severity.ERROR else Level.WARNING, _as_remark(one))
-    for one in facts.findings:
-        if one.severity is Severity.ERROR and one.code not in OWN_CODES | _SAID_HERE:
-            yield Remark(Level.BAD, _as_remark(one))
-    codes = {one.code for one in told}
+    own_findings = [finding for finding in facts.findings if finding.code in OWN_CODES]
+    for own_finding in own_findings:
+        yield Remark(Level.BAD if own_finding.severity is Severity.ERROR else Level.WARNING, _as_remark(own_finding))
+    for finding in facts.findings:
+        if finding.severity is Severity.ERROR and finding.code not in OWN_CODES | _SAID_HERE:
+            yield Remark(Level.BAD, _as_remark(finding))
+    codes = {own_finding.code for own_finding in own_findings}
     if facts.over_gate and codes.isdisjoint(RATIO_CODES):
         yield Remark(
             Level.WARNING,
@@ -147,7 +147,11 @@ def _unjudged(facts: Facts) -> str:
 
 
 def _of_arming(material: Material) -> Iterator[Remark]:
-    refused = [one.text for one in material.happenings if one.kind == "text" and _REFUSED.match(one.text)]
+    refused = [
+        happening.text
+        for happening in material.happenings
+        if happening.kind == "text" and _REFUSED.match(happening.text)
+    ]
     if refused:
         yield Remark(Level.WARNING, f'Arming was refused for vision {_times(len(refused))}, at last "{refused[-1]}".')
 
@@ -217,7 +221,7 @@ def _absences(material: Material, facts: Facts) -> Iterator[str]:
         yield "VISP without Ign, as older firmware writes it: what was withheld is unknown."
     if not material.parameters:
         yield "No PARM: parameters are unknown; VISO_DELAY_MS is taken to be 10."
-    if not any(one.kind == "text" for one in material.happenings):
+    if not any(happening.kind == "text" for happening in material.happenings):
         yield "No MSG: what the autopilot said."
     if len(material.cores_shown) and material.unseen_primary_s > 0:
         core = material.cores_shown[0]

@@ -33,10 +33,10 @@ Bars = list[tuple[str, Sequence[tuple[float, float]], str]]
 def draw_timeline(material: Material, facts: Facts) -> Figure | None:
     """Return the figure; None without anything to show."""
     bars = _bars(material, facts)
-    told, left_out = chosen(material.happenings)
-    if not bars and not told:
+    happenings, left_out = chosen(material.happenings)
+    if not bars and not happenings:
         return None
-    heights = [0.26 * (len(bars) + 1.6), 0.19 * (len(told) + 2)]
+    heights = [0.26 * (len(bars) + 1.6), 0.19 * (len(happenings) + 2)]
     figure = drawing.new_figure(0.5 + sum(heights))
     states, texts = figure.subplots(2, 1, sharex=True, height_ratios=heights)
     _draw_bars(states, bars)
@@ -44,7 +44,7 @@ def draw_timeline(material: Material, facts: Facts) -> Figure | None:
     states.set(yticks=range(len(bars) + 1), yticklabels=[*(name for name, _, _ in bars), "mode"])
     states.set_ylim(len(bars) + 0.6, -0.6)
     states.set_title("States")
-    _draw_texts(texts, told, facts)
+    _draw_texts(texts, happenings, facts)
     texts.set_title(f"Texts and events ({left_out} more in the table)" if left_out else "Texts and events")
     texts.set_xlim(facts.start_s, max(facts.end_s, facts.start_s + 1.0))
     texts.set_xlabel("seconds since boot")
@@ -76,10 +76,10 @@ def _draw_bars(axes: Any, bars: Bars) -> None:
 
 def _draw_modes(axes: Any, material: Material, facts: Facts, row: int) -> None:
     modes: list[Happening] = []
-    for one in material.happenings:
-        if one.kind == "mode" and not (modes and modes[-1].text == one.text):
-            modes.append(one)
-    ends = [*(one.time_s for one in modes[1:]), facts.end_s][: len(modes)]
+    for happening in material.happenings:
+        if happening.kind == "mode" and not (modes and modes[-1].text == happening.text):
+            modes.append(happening)
+    ends = [*(mode.time_s for mode in modes[1:]), facts.end_s][: len(modes)]
     span_s = max(facts.end_s - facts.start_s, 1.0)
     for number, (mode, end_s) in enumerate(zip(modes, ends, strict=True)):
         width_s = end_s - mode.time_s
@@ -96,35 +96,35 @@ def chosen(happenings: Sequence[Happening]) -> tuple[list[Happening], int]:
         return list(happenings), 0
     said: set[str] = set()
     ranks = []
-    for one in happenings:
-        sentence = re.sub(r"[\d.]+", "#", one.text)
-        ranks.append(max(_rank(one), 1 if sentence in said and one.kind == "text" else 0))
+    for happening in happenings:
+        sentence = re.sub(r"[\d.]+", "#", happening.text)
+        ranks.append(max(_rank(happening), 1 if sentence in said and happening.kind == "text" else 0))
         said.add(sentence)
     kept = sorted(sorted(range(len(happenings)), key=lambda number: (ranks[number], number))[:MOST_TEXTS])
     return [happenings[number] for number in kept], len(happenings) - MOST_TEXTS
 
 
-def _rank(one: Happening) -> int:
+def _rank(happening: Happening) -> int:
     """Return how little something tells of external navigation; what each core of the EKF says, one may say for all."""
-    if one.kind == "text":
-        of_another_core = re.search(r"IMU[1-9]", one.text) is not None
-        return 3 if of_another_core else 0 if any(word in one.text for word in _TELLING) else 2
-    return 1 if one.kind == "event" or (one.kind == "error" and not one.is_trouble) else 0
+    if happening.kind == "text":
+        of_another_core = re.search(r"IMU[1-9]", happening.text) is not None
+        return 3 if of_another_core else 0 if any(word in happening.text for word in _TELLING) else 2
+    return 1 if happening.kind == "event" or (happening.kind == "error" and not happening.is_trouble) else 0
 
 
-def _draw_texts(axes: Any, told: Sequence[Happening], facts: Facts) -> None:
+def _draw_texts(axes: Any, happenings: Sequence[Happening], facts: Facts) -> None:
     middle_s = (facts.start_s + facts.end_s) / 2
-    for row, one in enumerate(told):
-        colour = WITHHELD if one.is_trouble else _COLOURS[one.kind]
-        axes.plot([one.time_s], [row], "o", color=colour, ms=4, clip_on=False)
-        left = one.time_s <= middle_s
-        said = one.text if one.kind == "text" else f"{one.kind}: {one.text}"
+    for row, happening in enumerate(happenings):
+        colour = WITHHELD if happening.is_trouble else _COLOURS[happening.kind]
+        axes.plot([happening.time_s], [row], "o", color=colour, ms=4, clip_on=False)
+        left = happening.time_s <= middle_s
+        said = happening.text if happening.kind == "text" else f"{happening.kind}: {happening.text}"
         text = plain(said if len(said) <= _LONGEST_TEXT else said[: _LONGEST_TEXT - 3] + "...")
         axes.annotate(
-            f"{text}  {one.time_s:.1f}" if not left else f"{one.time_s:.1f}  {text}",
-            (one.time_s, row), xytext=(7 if left else -7, 0), textcoords="offset points", parse_math=False,
-            ha="left" if left else "right", va="center", fontsize=8, color=None if one.kind == "text" else colour,
+            f"{text}  {happening.time_s:.1f}" if not left else f"{happening.time_s:.1f}  {text}",
+            (happening.time_s, row), xytext=(7 if left else -7, 0), textcoords="offset points", parse_math=False,
+            ha="left" if left else "right", va="center", fontsize=8, color=None if happening.kind == "text" else colour,
         )  # fmt: skip
-    axes.set_ylim(len(told) - 0.3, -0.8)
+    axes.set_ylim(len(happenings) - 0.3, -0.8)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)

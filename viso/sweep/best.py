@@ -79,8 +79,8 @@ def _alike(
     found = [surplus(row, members[index], objective) for row in members]
     near = [abs(row[axis] - members[index][axis]) <= RESOLUTIONS.get(axis, 0.0) for row in members]
     worse = [
-        one is not None and one.value > 0 and not one.is_chance and not close
-        for one, close in zip(found, near, strict=True)
+        difference is not None and difference.value > 0 and not difference.is_chance and not close
+        for difference, close in zip(found, near, strict=True)
     ]
     if len(members) < 2 or None in found:
         return None, None

@@ -145,7 +145,9 @@ def read_reference(path: Path, stream: Path, lead_us: int, options: TrajectoryOp
 
 
 def _until(stream: Stream, end_s: float) -> Stream:
-    kept = tuple(one for one in stream.messages if one.arrival_us is None or one.arrival_us <= end_s * 1e6)
+    kept = tuple(
+        message for message in stream.messages if message.arrival_us is None or message.arrival_us <= end_s * 1e6
+    )
     return stream if len(kept) == len(stream.messages) else replace(stream, messages=kept)
 
 

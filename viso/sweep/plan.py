@@ -213,11 +213,11 @@ def input_file(path: Path) -> InputFile:
 
 def _hash_of(path: Path) -> str:
     digest = hashlib.sha256()
-    files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
-    for one in files:
+    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+    for file in files:
         if path.is_dir():
-            digest.update(str(one.relative_to(path)).encode() + b"\0")
-        with one.open("rb") as content:
+            digest.update(str(file.relative_to(path)).encode() + b"\0")
+        with file.open("rb") as content:
             while block := content.read(1 << 20):
                 digest.update(block)
     return digest.hexdigest()

@@ -104,14 +104,14 @@ def _recorded(request: SweepRequest, path: Path, name: str, shown: str, options:
     imu, basis = _imu(request.imu, path, name, kind)
     sensors = imu.partition(":")[2] if ahrs is None else ""
     used = [sensors if sensors not in ("", *EXAMPLES) else None, ahrs, reference]
-    others = tuple(input_file(Path(one)) for one in dict.fromkeys(used) if one is not None)
+    others = tuple(input_file(Path(path)) for path in dict.fromkeys(used) if path is not None)
     return Recorded(shown, file, imu, others, ahrs, reference, basis if ahrs is None else None)
 
 
 def _imu(imu: str | None, path: Path, name: str, kind: str) -> tuple[str, Basis | None]:
     """Return the source of inertial data, and what its motion is made of if that is a log."""
     if imu is None:
-        for log in (one for one in _logs_of(path, name, kind) if one.is_file()):
+        for log in (log for log in _logs_of(path, name, kind) if log.is_file()):
             with suppress(InputError):
                 return f"{FLOWN}:{log.absolute()}", read_flight(log).basis
         return FOLLOW, None
@@ -144,7 +144,7 @@ def _faults(names: Sequence[str] | None, axes: Sequence[Axis]) -> tuple[Faults, 
     changed = [axis for axis in axes if fault_field(axis.name) is not None]
     if changed and not any(faults.text for faults in found):
         raise InputError(f"--set {changed[0].name}: there is no timeline; --faults FILE gives one")
-    for faults in (one for one in found if one.text):
+    for faults in (timeline for timeline in found if timeline.text):
         for axis in changed:
             for value in axis.span or (axis.values[0], axis.values[-1]):
                 timeline_of(faults, {axis.name: value})

@@ -43,7 +43,7 @@ def run_in_processes(plan: SweepPlan, points: Iterable[Point], jobs: int) -> Gen
         for point in lost:
             again: list[Point] = []
             yield from _run_pool(plan, iter((point,)), 1, again)
-            yield from (Result(one.number, None, KILLED) for one in again)
+            yield from (Result(job.number, None, KILLED) for job in again)
 
 
 def _run_pool(plan: SweepPlan, points: Iterator[Point], jobs: int, lost: list[Point]) -> Generator[Result]:

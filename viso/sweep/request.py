@@ -49,13 +49,13 @@ class SweepRequest:
     def over(self, other: "SweepRequest") -> "SweepRequest":
         """Return this request, completed by another; ``set`` and ``param`` are joined."""
         merged = SweepRequest()
-        for one in fields(SweepRequest):
-            ours, theirs = getattr(self, one.name), getattr(other, one.name)
-            if one.name in ("set", "param"):
+        for attribute in fields(SweepRequest):
+            ours, theirs = getattr(self, attribute.name), getattr(other, attribute.name)
+            if attribute.name in ("set", "param"):
                 value: Any = [*(theirs or ()), *(ours or ())]
             else:
                 value = theirs if ours is None or ours == [] else ours
-            setattr(merged, one.name, value)
+            setattr(merged, attribute.name, value)
         return merged
 
 
@@ -76,7 +76,7 @@ def read_request(path: Path) -> SweepRequest:
         document = parsed_toml(read_text(path))
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
-    known = {one.name for one in fields(SweepRequest)}
+    known = {field.name for field in fields(SweepRequest)}
     request = SweepRequest()
     for key, value in document.items():
         if key not in known:
@@ -122,7 +122,7 @@ def _texts(value: Any) -> list[str]:
 def _assignments(value: Any) -> list[str]:
     if not isinstance(value, Mapping):
         raise ValueError("not a table of names and values")
-    return [f"{name}={_as_text(one)}" for name, one in value.items()]
+    return [f"{name}={_as_text(entry)}" for name, entry in value.items()]
 
 
 def _as_text(value: Any) -> str:

@@ -52,7 +52,7 @@ class SweepFolder:
         self.path = path
         self.done: dict[int, Row] = {}
         self._plan = plan
-        files = [file.path for one in plan.recordings for file in (one.file, *one.others)]
+        files = [file.path for recording in plan.recordings for file in (recording.file, *recording.others)]
         with reading(zip(files, files, strict=True)):
             for name in (CSV, PARQUET, PLOT):
                 refuse_input(path / name)

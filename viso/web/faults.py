@@ -70,7 +70,7 @@ class FaultyLink:
         other = FaultyLink(link, self._now_us)
         for name in self._faults:
             other.switch(name, on=True)
-        self._others = [*(one for one in self._others if one.peer_names), other]
+        self._others = [*(link for link in self._others if link.peer_names), other]
         return other
 
     @property

@@ -52,7 +52,10 @@ def log_recording(material: Material, facts: Facts, summary: Summary) -> dict[st
         "runs": _runs(material),
         "rates": moments[-1]["rates"],
         "points": points,
-        "texts": [[one.time_s, _ERROR if one.is_trouble else one.kind, one.text] for one in material.happenings],
+        "texts": [
+            [happening.time_s, _ERROR if happening.is_trouble else happening.kind, happening.text]
+            for happening in material.happenings
+        ],
         "table": list(_table(material, facts.judged_by.firmware)),
         "units": UNITS,
         "sources": _sources(facts.own),
@@ -60,7 +63,7 @@ def log_recording(material: Material, facts: Facts, summary: Summary) -> dict[st
             "badge": summary.level.badge,
             "tone": _TONES.get(summary.level, ""),
             "sentence": summary.sentence,
-            "remarks": [[_TONES.get(one.level, ""), one.text] for one in summary.remarks],
+            "remarks": [[_TONES.get(remark.level, ""), remark.text] for remark in summary.remarks],
             "absent": list(summary.absent),
         },
     }
@@ -156,19 +159,25 @@ def _innovations(own: OwnFilter, every_ratio: Array, tested: slice) -> dict[str,
 
 def _sources(own: OwnFilter) -> dict[str, str]:
     named = ((name, channel, own.source(channel)) for channel, name in enumerate(CHANNELS))
-    return {_KINDS.get(name, name): source_name(channel, one) for name, channel, one in named if one != NOT_KNOWN}
+    return {
+        _KINDS.get(name, name): source_name(channel, source) for name, channel, source in named if source != NOT_KNOWN
+    }
 
 
 def _moments(material: Material, facts: Facts, ends_s: Array) -> list[dict[str, Any]]:
     own, xkf1 = facts.own, material.xkf1
     oldest_s = ends_s - max(MOMENT_S, float(ends_s[0] - facts.start_s))  # of what is of that moment
-    modes = [one for one in material.happenings if one.kind == "mode"]
-    sets = [one for one in material.happenings if one.kind == "event" and 0 <= one.number - EV_SOURCE_SET_1 <= 2]
+    modes = [happening for happening in material.happenings if happening.kind == "mode"]
+    sets = [
+        happening
+        for happening in material.happenings
+        if happening.kind == "event" and 0 <= happening.number - EV_SOURCE_SET_1 <= 2
+    ]
     latest = [
         _latest(np.asarray(times, np.float64), ends_s)
         for times in (
-            [one.time_s for one in modes],
-            [one.time_s for one in sets],
+            [mode.time_s for mode in modes],
+            [event.time_s for event in sets],
             own.time_us * 1e-6,
             xkf1.time_s,
             facts.arrivals_s,
@@ -194,7 +203,7 @@ def _moments(material: Material, facts: Facts, ends_s: Array) -> list[dict[str, 
             state["source_set"] = sets[source_set].number - EV_SOURCE_SET_1
         if attitude >= 0 and xkf1.time_s[attitude] >= since_s:
             state["yaw_deg"] = finite(yaw_deg[attitude], 1)
-        rates = [one.row(end_s, facts.start_s) for one in counted]
+        rates = [counts.row(end_s, facts.start_s) for counts in counted]
         moments.append({"t": state["time_s"], "state": state, "rates": rates})
     return moments
 
@@ -252,13 +261,13 @@ def _runs(material: Material) -> list[dict[str, Any]]:
 def _table(material: Material, firmware: Firmware) -> Iterator[dict[str, Any]]:
     """Yield the parameters at the end, those that are known with what is known about them."""
     slots: dict[str, ParamSlot] = {}
-    last = {one.name: one for one in material.parameters}
+    last = {parameter.name: parameter for parameter in material.parameters}
     if last:
         groups = make_groups(MAX_LINKS, make_params(), firmware.params)
         slots = {slot.name: slot for group in groups for slot in group.slots}
-    for name, one in last.items():
-        value, slot = np.float32(one.value), slots.get(name)
-        default = shown(np.float32(one.default)) if math.isfinite(one.default) else None
+    for name, parameter in last.items():
+        value, slot = np.float32(parameter.value), slots.get(name)
+        default = shown(np.float32(parameter.default)) if math.isfinite(parameter.default) else None
         if slot is not None:
             yield row_of(slot, value, {name: shown(slot.raw) if default is None else default})
         else:

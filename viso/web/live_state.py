@@ -273,7 +273,7 @@ class LiveState:
             "vision": self._vision,
             "lag": [round(lags_ms[len(lags_ms) // 2], 1), round(lags_ms[-1], 1)] if lags_ms else None,
             "quality": [qualities[len(qualities) // 2], qualities[0]] if qualities else None,
-            "innovations": {kind: one.as_dict() for kind, one in self._innovations.items()},
+            "innovations": {kind: worst.as_dict() for kind, worst in self._innovations.items()},
         }
 
     def snapshot(self) -> dict[str, Any]:
@@ -290,6 +290,9 @@ class LiveState:
             "texts": list(self._texts),
             "table": list(self._params.values()),
             "units": dict(UNITS),
-            "actions": [{"name": one.name, "label": one.label, "about": one.about, "key": one.key} for one in ACTIONS],
-            "faults": [{"name": one.name, "label": one.label, "about": one.about} for one in SWITCHES],
+            "actions": [
+                {"name": action.name, "label": action.label, "about": action.about, "key": action.key}
+                for action in ACTIONS
+            ],
+            "faults": [{"name": switch.name, "label": switch.label, "about": switch.about} for switch in SWITCHES],
         }

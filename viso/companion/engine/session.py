@@ -159,7 +159,7 @@ class EngineSession:
         before, estimate = self.child.exchange([*frames, frame_of(message)], Estimate, self._timeout_s)
         try:
             self._check(estimate, t_ns)
-            updates = [one for one in before if isinstance(one, KeyframeUpdate)]
+            updates = [message for message in before if isinstance(message, KeyframeUpdate)]
             for update in updates:
                 SE3.from_matrix(update.world_T_keyframe.reshape(4, 4))
             return updates, estimate

@@ -105,7 +105,7 @@ class VioLog:
             "poses": len(trajectory),
             "path_m": trajectory.path_length_m,
             "sigma_m": None if last is None else last.sigma_m,
-            "tracked_median": _quantile([one.tracked for one in features], 50),
+            "tracked_median": _quantile([feature.tracked for feature in features], 50),
             "ate_m": None if error is None else error.rmse_m,
             "true_path_m": None if error is None else error.path_m,
             "scale_error": None if error is None else 1.0 / error.scale - 1.0,

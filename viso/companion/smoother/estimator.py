@@ -212,7 +212,7 @@ class SmootherEstimator:
                 self._filter = self._stand_in()
                 state.clone(node.number)
                 self._filter.hold(node.number, node.sighting, node.depth_m)
-        return self._judge(smoother, [one for one in seen if one.number == node.number])
+        return self._judge(smoother, [sighting for sighting in seen if sighting.number == node.number])
 
     def _parallax_rad(self) -> float:
         """Return the parallax of the last nodes; NaN if unknown."""
@@ -274,12 +274,14 @@ class SmootherEstimator:
         if not seen:
             return NodeFacts()
         camera_T_world = (self.state.pose @ self._B_T_C).inverse()
-        local = camera_T_world.map(smoother.points(one.landmark for one in seen))
+        local = camera_T_world.map(smoother.points(sighting.landmark for sighting in seen))
         depth = np.where(local[:, 2] > 0, local[:, 2], np.nan)
-        normalised = np.array([one.normalised for one in seen])
+        normalised = np.array([sighting.normalised for sighting in seen])
         error: Array = np.linalg.norm(local[:, :2] / depth[:, None] - normalised, axis=1) / self._sigma
         good = error < MAX_ERROR_SIGMAS  # not so for NaN, behind the camera
-        self._book.drop({one.landmark for one, is_good in zip(seen, good.tolist(), strict=True) if not is_good})
+        self._book.drop(
+            {sighting.landmark for sighting, is_good in zip(seen, good.tolist(), strict=True) if not is_good}
+        )
         if not good.any():
             return NodeFacts(landmarks=len(seen))
         return NodeFacts(

@@ -175,7 +175,7 @@ def _since_first_frame(events: Iterator[SensorEvent]) -> Iterator[SensorEvent]:
     for event in events:
         if isinstance(event, NavCameraFrame):
             first_ns = event.capture_timestamp - LEAD_NS
-            yield from (one for one in early if isinstance(one, NavCameraFrame) or one.t_ns >= first_ns)
+            yield from (item for item in early if isinstance(item, NavCameraFrame) or item.t_ns >= first_ns)
             yield event
             break
         early.append(event)

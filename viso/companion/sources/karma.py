@@ -94,7 +94,7 @@ def drone_track(attitudes: Array, positions: Array, spans: Sequence[tuple[float,
         positions[:, 1:4] @ ENU_TO_NED,
         positions[:, 4:7] @ ENU_TO_NED,
         0.5 * math.pi - angles[2],
-        np.array([quat_wxyz_from_rotation(one) for one in attitudes]),
+        np.array([quat_wxyz_from_rotation(attitude) for attitude in attitudes]),
     )
 
 

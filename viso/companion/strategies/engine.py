@@ -164,7 +164,7 @@ class EngineStrategy(StrategyBase):
         fields = {
             "pid": session.pid,
             "name": session.name,
-            "capabilities": [one.name for one in Capability if one & session.capabilities],
+            "capabilities": [capability.name for capability in Capability if capability & session.capabilities],
             "shared_memory": session.shares,
         }
         msg = f"{session.name}: started"

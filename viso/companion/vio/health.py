@@ -242,7 +242,7 @@ class HealthMachine:
             return math.isfinite(growth.trace_m2)
         if math.sqrt(max(growth.trace_m2, 0.0)) <= WELL_KNOWN_M_S * growth.age_s:
             return True
-        usual = (one.trace_m2 / one.depth_m**2 * max(1.0, growth.age_s / one.age_s) for one in self._usual)
+        usual = (usual.trace_m2 / usual.depth_m**2 * max(1.0, growth.age_s / usual.age_s) for usual in self._usual)
         return growth.trace_m2 / growth.depth_m**2 <= MAX_GROWTH * statistics.median(usual)
 
     def _set(self, state: VioState, reason: str, *, lost: int = 0, streak: int = 0) -> None:

@@ -42,7 +42,7 @@ class _FrameResult:
 
     def lost(self, reason: str) -> "Lost":
         """Return the result that takes this one's place when the pose is lost after the frame."""
-        fields = {one.name: getattr(self, one.name) for one in dataclasses.fields(Lost)}
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(Lost)}
         return Lost(**(fields | {"reason": reason}))
 
 

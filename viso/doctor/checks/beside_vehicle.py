@@ -186,7 +186,10 @@ def departure_mask(heading: HeadingDeparture) -> Bools:
 
 def heading_departs(evidence: Evidence, sender: Sender) -> bool:
     """Return whether the sender's yaw departs from the vehicle's: then nothing that it rotates shows axes."""
-    return any(one.poses.track.sender == sender and departure_mask(one).any() for one in heading_departures(evidence))
+    return any(
+        departure.poses.track.sender == sender and departure_mask(departure).any()
+        for departure in heading_departures(evidence)
+    )
 
 
 def likeness_of(evidence: Evidence, path: SentPath) -> Likeness | None:
@@ -202,8 +205,8 @@ def likeness_of(evidence: Evidence, path: SentPath) -> Likeness | None:
 
 def is_related(evidence: Evidence, poses: Poses) -> bool:
     """Return whether positions move with the vehicle, so that their axes and scale can be judged."""
-    for one, path in paths_of_poses(evidence):
-        found = likeness_of(evidence, path) if one is poses else None
+    for comparison, path in paths_of_poses(evidence):
+        found = likeness_of(evidence, path) if comparison is poses else None
         if found is not None:
             return found.correlation >= limits.RELATED_CORRELATION and found.unlike < limits.UNLIKE_SHARE
     return True

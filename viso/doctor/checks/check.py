@@ -69,7 +69,7 @@ class Sighting:
         cls, text: str, messages: Sequence["HandledMessage"], fix: str | None = None, severity: Severity | None = None
     ) -> "Sighting":
         """Return what some messages show, one at least, in the order of their arrival."""
-        numbers = [one.number for one in messages]
+        numbers = [message.number for message in messages]
         return cls(text, numbers, messages[0].arrival_us, messages[-1].arrival_us, fix, severity)
 
     @classmethod

@@ -201,12 +201,12 @@ def two_clocks(evidence: Evidence) -> Iterator[Sighting]:
     ]
     offsets = [int(np.median(track.arrival_us - track.stamp_us)) - track.first_stamp for track in tracks]
     for index in range(1, len(tracks)):
-        one, other = tracks[0], tracks[index]
+        earlier, other = tracks[0], tracks[index]
         apart_us = abs(offsets[index] - offsets[0])
-        together = one.arrival_us[0] < other.arrival_us[-1] and other.arrival_us[0] < one.arrival_us[-1]
+        together = earlier.arrival_us[0] < other.arrival_us[-1] and other.arrival_us[0] < earlier.arrival_us[-1]
         if together and apart_us > limits.CLOCKS_APART_US:
             yield Sighting.in_track(
-                f"the clocks of {one.sender} and {other.sender} are {apart_us * 1e-6:.1f} s apart", other
+                f"the clocks of {earlier.sender} and {other.sender} are {apart_us * 1e-6:.1f} s apart", other
             )
 
 

@@ -86,17 +86,19 @@ def _name(frame: int) -> str:
     needs={Aspect.LINK},
 )
 def odometry_frames(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.stream.vision if one.verdict is ODOMETRY_FRAMES]
+    found = [message for message in evidence.stream.vision if message.verdict is ODOMETRY_FRAMES]
     pairs = Counter(
-        (one.message.frame_id, one.message.child_frame_id) for one in found if isinstance(one.message, ODOMETRY)
+        (message.message.frame_id, message.message.child_frame_id)
+        for message in found
+        if isinstance(message.message, ODOMETRY)
     )
-    total = sum(one.name == "ODOMETRY" for one in evidence.stream.vision)
+    total = sum(message.name == "ODOMETRY" for message in evidence.stream.vision)
     for (frame_id, child_id), count in pairs.most_common():
         of_pair = [
-            one
-            for one in found
-            if isinstance(one.message, ODOMETRY)
-            and (one.message.frame_id, one.message.child_frame_id) == (frame_id, child_id)
+            message
+            for message in found
+            if isinstance(message.message, ODOMETRY)
+            and (message.message.frame_id, message.message.child_frame_id) == (frame_id, child_id)
         ]
         text = f"{share(count, total)} ODOMETRY with frame_id {_name(frame_id)} and child_frame_id {_name(child_id)}"
         yield Sighting.in_messages(text, of_pair, _fix_of_frames(frame_id, child_id))

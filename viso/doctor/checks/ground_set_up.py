@@ -58,20 +58,20 @@ Records = FlowSeries | RangeSeries | UnreadFlow
 
 
 def in_records(
-    text: str, one: Records, mask: object, severity: Severity | None = None, fix: str | None = None
+    text: str, series: Records, mask: object, severity: Severity | None = None, fix: str | None = None
 ) -> Sighting:
     """Return what the masked records of a sensor show, one at least."""
     chosen = np.flatnonzero(np.asarray(mask))
-    times = one.time_us[chosen]
-    numbers = one.numbers[chosen].tolist() if len(one.numbers) else []
-    return Sighting(f"{named(one)}: {text}", numbers, int(times[0]), int(times[-1]), fix, severity)
+    times = series.time_us[chosen]
+    numbers = series.numbers[chosen].tolist() if len(series.numbers) else []
+    return Sighting(f"{named(series)}: {text}", numbers, int(times[0]), int(times[-1]), fix, severity)
 
 
-def named(one: Records) -> str:
+def named(series: Records) -> str:
     """Return the name of a sensor in findings."""
-    if isinstance(one, RangeSeries) and one.origin in ("RFND", "RRNI"):
-        return f"{one.origin} {one.instance}"
-    return one.origin
+    if isinstance(series, RangeSeries) and series.origin in ("RFND", "RRNI"):
+        return f"{series.origin} {series.instance}"
+    return series.origin
 
 
 def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:

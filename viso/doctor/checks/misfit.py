@@ -146,10 +146,10 @@ def moves_while_standing(evidence: Evidence) -> Iterator[Sighting]:
     noise_m = 0.0 if evidence.vehicle.position is None else evidence.vehicle.position.noise_m
     for _, path in paths_of_poses(evidence):
         moved = [
-            one
-            for one in _at_rest(evidence, path)
-            if one.stream_m
-            > max(limits.LEAST_DEPARTURE_M, limits.WANDERS_TIMES * noise_m, limits.WANDERS_TIMES * one.reference_m)
+            stay
+            for stay in _at_rest(evidence, path)
+            if stay.stream_m
+            > max(limits.LEAST_DEPARTURE_M, limits.WANDERS_TIMES * noise_m, limits.WANDERS_TIMES * stay.reference_m)
         ]
         yield from _moved_at_rest(evidence, path, moved, "positions move over", _severity_by_source(evidence, "POSXY"))
 
@@ -159,11 +159,11 @@ def _moved_at_rest(
 ) -> Iterator[Sighting]:
     if not moved or evidence.vehicle.position is None:
         return
-    worst = max(moved, key=lambda one: one.stream_m)
+    worst = max(moved, key=lambda rest: rest.stream_m)
     arrival_us = path.arrival_us
     shown = np.zeros(len(arrival_us), dtype=np.bool_)
-    for one in moved:
-        shown |= (arrival_us >= one.start_us) & (arrival_us <= one.end_us)
+    for rest in moved:
+        shown |= (arrival_us >= rest.start_us) & (arrival_us <= rest.end_us)
     yield Sighting.in_track(
         f"{path.track.sender}: the vehicle stands by its own path ({evidence.vehicle.position.origin}), within "
         f"{worst.reference_m:.2f} m from {at(worst.start_us)} to {at(worst.end_us)}, and {what} "
@@ -268,10 +268,10 @@ def velocities_unrelated(evidence: Evidence) -> Iterator[Sighting]:
             continue
         yield from _unlike_path(evidence, path, "velocities", severity)
         moved = [
-            one
-            for one in _at_rest(evidence, path)
-            if one.stream_m
-            > max(limits.STANDING_M_S * (one.end_us - one.start_us) * 1e-6, limits.WANDERS_TIMES * one.reference_m)
+            stay
+            for stay in _at_rest(evidence, path)
+            if stay.stream_m
+            > max(limits.STANDING_M_S * (stay.end_us - stay.start_us) * 1e-6, limits.WANDERS_TIMES * stay.reference_m)
         ]
         yield from _moved_at_rest(evidence, path, moved, "velocities lead over", severity)
 

@@ -80,7 +80,7 @@ def _passed_text(evidence: Evidence, kind: str) -> str:
 
 
 def _accepted(evidence: Evidence) -> list[HandledMessage]:
-    return [one for one in evidence.stream.vision if one.verdict.kind is VerdictKind.ACCEPTED]
+    return [message for message in evidence.stream.vision if message.verdict.kind is VerdictKind.ACCEPTED]
 
 
 @check(
@@ -152,13 +152,13 @@ def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[Handl
     """Yield each kind of sample of which some were rejected, how many were tested, and the rejected ones' messages."""
     tested: Counter[str] = Counter()
     rejected: dict[str, list[HandledMessage]] = {}
-    for one in evidence.stream.vision:
-        for sample in one.samples:
+    for message in evidence.stream.vision:
+        for sample in message.samples:
             for test in sample.outcomes:
                 kind, what = test.outcome.kind, outcome_kind(test.outcome.rule)
                 tested[kind] += what in (OutcomeKind.FUSED, OutcomeKind.REJECTED, OutcomeKind.RESET)
                 if what is OutcomeKind.REJECTED:
-                    rejected.setdefault(kind, []).append(one)
+                    rejected.setdefault(kind, []).append(message)
     for kind, messages in sorted(rejected.items()):
         yield kind, tested[kind], messages
 
@@ -178,7 +178,7 @@ def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[Handl
 def would_reject(evidence: Evidence) -> Iterator[Sighting]:
     for kind, tested, messages in _rejected_by_kind(evidence):
         blind = _after_silence(evidence, messages)
-        known = [one for one in messages if one.number not in blind]
+        known = [message for message in messages if message.number not in blind]
         counted = known if _is_much(known, tested) else messages
         if not _is_much(counted, tested):
             continue
@@ -210,17 +210,17 @@ def _after_silence(evidence: Evidence, messages: list[HandledMessage]) -> set[in
 
     Over a gap the motion of the model's vehicle is a guess; a real vehicle has its own inertial data.
     """
-    accepted_us = np.array([one.arrival_us for one in _accepted(evidence)], dtype=np.int64)
+    accepted_us = np.array([message.arrival_us for message in _accepted(evidence)], dtype=np.int64)
     found: set[int] = set()
     latest_us, is_blind = -limits.EPISODE_US, False
-    for one in messages if len(accepted_us) else ():
-        if one.arrival_us - latest_us > limits.EPISODE_US:
-            start_us = max(one.arrival_us - limits.EPISODE_US, int(accepted_us[0]))
-            near = (accepted_us >= start_us) & (accepted_us <= one.arrival_us)
+    for message in messages if len(accepted_us) else ():
+        if message.arrival_us - latest_us > limits.EPISODE_US:
+            start_us = max(message.arrival_us - limits.EPISODE_US, int(accepted_us[0]))
+            near = (accepted_us >= start_us) & (accepted_us <= message.arrival_us)
             is_blind = bool((np.diff(accepted_us[near], prepend=start_us) > limits.BLIND_GAP_US).any())
         if is_blind:
-            found.add(one.number)
-        latest_us = one.arrival_us
+            found.add(message.number)
+        latest_us = message.arrival_us
     return found
 
 
@@ -262,11 +262,11 @@ def _accelerations(time_s: Floats, pos_m: Floats, every: int) -> Floats:
 def would_lose_samples(evidence: Evidence) -> Iterator[Sighting]:
     offered: Counter[str] = Counter()
     lost: dict[str, list[HandledMessage]] = {}
-    for one in evidence.stream.vision:
-        for sample in one.samples:
+    for message in evidence.stream.vision:
+        for sample in message.samples:
             offered[sample.kind] += 1
             if any(test.outcome.rule in (OVERWRITTEN, SUPERSEDED) for test in sample.outcomes):
-                lost.setdefault(sample.kind, []).append(one)
+                lost.setdefault(sample.kind, []).append(message)
     for kind, messages in sorted(lost.items()):
         if len(messages) >= limits.FEWEST_REJECTED and len(messages) > limits.LOST_SAMPLES_SHARE * offered[kind]:
             lost_share = share(len(messages), offered[kind])

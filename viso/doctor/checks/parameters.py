@@ -38,7 +38,7 @@ _EKF2: Final = 2
     witness=Witness.LOG,
 )
 def visual_odometry_off(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.stream.vision if one.verdict is DISABLED]
+    found = [message for message in evidence.stream.vision if message.verdict is DISABLED]
     is_0, fix, known = "VISO_TYPE is 0", None, evidence.set_up.known
     if evidence.set_up.is_complete and len(known) > limits.FEWEST_OF_WHOLE_LIST and "VISO_TYPE" not in known:
         is_0 = f"VISO_TYPE is not among the {len(known)} parameters: this build has no visual odometry"
@@ -63,7 +63,7 @@ def visual_odometry_off(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def no_backend(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.stream.vision if one.verdict is NO_BACKEND]
+    found = [message for message in evidence.stream.vision if message.verdict is NO_BACKEND]
     if found:
         at_boot = evidence.viso_type
         why = "was set after boot" if at_boot == 0 else f"is {at_boot}, which names no backend"
@@ -73,7 +73,7 @@ def no_backend(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _deltas(evidence: Evidence) -> bool:
-    return any(isinstance(one.message, VISION_POSITION_DELTA) for one in evidence.stream.vision)
+    return any(isinstance(message.message, VISION_POSITION_DELTA) for message in evidence.stream.vision)
 
 
 @check(
@@ -133,14 +133,14 @@ def no_source(evidence: Evidence) -> Iterator[Sighting]:
         return
     if not any(evidence.source(name, number) == EXTNAV for name in ROWS for number in SOURCE_SETS):
         refused = [
-            one
-            for one in evidence.stream.vision
-            if any(test.outcome.rule is NO_BUFFER for sample in one.samples for test in sample.outcomes)
+            message
+            for message in evidence.stream.vision
+            if any(test.outcome.rule is NO_BUFFER for sample in message.samples for test in sample.outcomes)
         ]
         yield Sighting(
             f"no EK3_SRCn parameter is 6 (ExtNav); {share(len(refused), len(evidence.stream.vision))} messages were in "
             "vain",
-            [one.number for one in refused],
+            [message.number for message in refused],
         )
 
 
@@ -193,7 +193,7 @@ def illegal_source(evidence: Evidence) -> Iterator[Sighting]:
         for name in ROWS:
             value = evidence.source(name, number)
             if value not in ALLOWED[name]:
-                legal, of_flow = ", ".join(str(int(one)) for one in ALLOWED[name]), ("POSXY", SourceXY.OPTFLOW)
+                legal, of_flow = ", ".join(str(int(source)) for source in ALLOWED[name]), ("POSXY", SourceXY.OPTFLOW)
                 yield Sighting(
                     f"EK3_SRC{number}_{name} is {value}; there are {legal}: PreArm: AHRS: Check EK3_SRC{number}_{name}",
                     fix="Set it to 0: flow tells no position." if (name, value) == of_flow else None,
@@ -364,7 +364,9 @@ def value_out_of_range(evidence: Evidence) -> Iterator[Sighting]:
 )
 def assumed_parameters(evidence: Evidence) -> Iterator[Sighting]:
     if evidence.set_up.assumed:
-        values = ", ".join(f"{one.name} {one.value:g} ({one.why})" for one in evidence.set_up.assumed)
+        values = ", ".join(
+            f"{parameter.name} {parameter.value:g} ({parameter.why})" for parameter in evidence.set_up.assumed
+        )
         yield Sighting(f"these were not given, so defaults were assumed: {values}")
 
 

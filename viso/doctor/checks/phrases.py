@@ -34,8 +34,8 @@ def listed(texts: Sequence[str], most: int = 4) -> str:
 def by_type(messages: Iterable[HandledMessage]) -> Iterator[tuple[str, list[HandledMessage]]]:
     """Yield the names of messages in alphabetical order, and those of each."""
     found = list(messages)
-    for name in sorted({one.name for one in found}):
-        yield name, [one for one in found if one.name == name]
+    for name in sorted({message.name for message in found}):
+        yield name, [message for message in found if message.name == name]
 
 
 def masked(text: str, track: Track, mask: npt.ArrayLike) -> Iterator[Sighting]:

@@ -19,7 +19,11 @@ _GATE: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
 
 
 def _odometry(evidence: Evidence) -> list[tuple[HandledMessage, int]]:
-    return [(one, one.message.quality) for one in evidence.stream.vision if isinstance(one.message, ODOMETRY)]
+    return [
+        (message, message.message.quality)
+        for message in evidence.stream.vision
+        if isinstance(message.message, ODOMETRY)
+    ]
 
 
 @check(
@@ -33,13 +37,13 @@ def _odometry(evidence: Evidence) -> list[tuple[HandledMessage, int]]:
 )
 def quality_out_of_range(evidence: Evidence) -> Iterator[Sighting]:
     odometry = _odometry(evidence)
-    found = [(one, quality) for one, quality in odometry if quality < -1 or quality > 100]
+    found = [(message, quality) for message, quality in odometry if quality < -1 or quality > 100]
     if found:
         worst = min(quality for _, quality in found)
         meant = f" ({worst + 256} before it was cut to a byte?)" if worst < 0 else ""
         yield Sighting.in_messages(
             f"{share(len(found), len(odometry))} ODOMETRY have a quality outside -1..100, such as {worst}{meant}",
-            [one for one, _ in found],
+            [message for message, _ in found],
         )
 
 
@@ -55,7 +59,11 @@ def quality_out_of_range(evidence: Evidence) -> Iterator[Sighting]:
     fix="Set VISO_QUAL_MIN to 0, or send ODOMETRY.",
 )
 def gate_without_quality(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.stream.vision if one.verdict is QUALITY_BELOW_MIN and one.name != "ODOMETRY"]
+    found = [
+        message
+        for message in evidence.stream.vision
+        if message.verdict is QUALITY_BELOW_MIN and message.name != "ODOMETRY"
+    ]
     why = f"their quality counts as 0, VISO_QUAL_MIN is {evidence.param('VISO_QUAL_MIN'):.0f}"
     for name, of_name in by_type(found):
         yield Sighting.in_messages(f"{len(of_name)} {name} withheld: {why}", of_name)
@@ -75,7 +83,7 @@ def gate_without_quality(evidence: Evidence) -> Iterator[Sighting]:
 )
 def quality_below_minimum(evidence: Evidence) -> Iterator[Sighting]:
     odometry = _odometry(evidence)
-    found = [one for one, quality in odometry if one.verdict is QUALITY_BELOW_MIN and quality != -1]
+    found = [message for message, quality in odometry if message.verdict is QUALITY_BELOW_MIN and quality != -1]
     if found:
         minimum = evidence.param("VISO_QUAL_MIN")
         yield Sighting.in_messages(
@@ -96,9 +104,9 @@ def quality_below_minimum(evidence: Evidence) -> Iterator[Sighting]:
 )
 def tracking_failed(evidence: Evidence) -> Iterator[Sighting]:
     odometry = _odometry(evidence)
-    found = [one for one, quality in odometry if quality == -1]
+    found = [message for message, quality in odometry if quality == -1]
     text = f"{share(len(found), len(odometry))} ODOMETRY say that tracking failed (quality -1)"
-    if found and not any(one.verdict is QUALITY_BELOW_MIN for one in found):
+    if found and not any(message.verdict is QUALITY_BELOW_MIN for message in found):
         yield Sighting.in_messages(f"{text}, and none is withheld", found)
     elif found:
         severity = Severity.WARNING if len(found) > limits.FAILED_SHARE * len(odometry) else Severity.NOTE
@@ -118,5 +126,5 @@ def quality_never_sent(evidence: Evidence) -> Iterator[Sighting]:
     odometry = _odometry(evidence)
     if len(odometry) >= FEWEST_MESSAGES and all(quality == 0 for _, quality in odometry):
         yield Sighting.in_messages(
-            "every ODOMETRY has quality 0, which stands for unknown", [one for one, _ in odometry]
+            "every ODOMETRY has quality 0, which stands for unknown", [message for message, _ in odometry]
         )

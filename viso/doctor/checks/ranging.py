@@ -52,9 +52,9 @@ def _range_requests(evidence: Evidence) -> list[str]:
 
 def _looking_down(evidence: Evidence) -> Iterator[RangeSeries]:
     """Yield the range finders that the filter may use: those that look down."""
-    for one in evidence.vehicle.ground.ranges:
-        if one.looks_down and len(one):
-            yield one
+    for finder in evidence.vehicle.ground.ranges:
+        if finder.looks_down and len(finder):
+            yield finder
 
 
 @check(
@@ -96,15 +96,15 @@ def range_missing(evidence: Evidence) -> Iterator[Sighting]:
 )
 def range_unused(evidence: Evidence) -> Iterator[Sighting]:
     finders = range_finders(evidence)
-    for one in evidence.vehicle.ground.ranges:
-        if not one.is_sent or finders is None:
+    for series in evidence.vehicle.ground.ranges:
+        if not series.is_sent or finders is None:
             continue
-        everything, orient = np.ones(len(one), np.bool_), int(one.orient[-1])
+        everything, orient = np.ones(len(series), np.bool_), int(series.orient[-1])
         ours = [f"RNGFND{finder.number}_ORIENT {finder.orient}" for finder in finders if finder.is_mavlink]
         if not ours:
-            yield in_records(f"{len(one)} messages, and no RNGFNDn_TYPE is 10 (MAVLink)", one, everything)
+            yield in_records(f"{len(series)} messages, and no RNGFNDn_TYPE is 10 (MAVLink)", series, everything)
         elif not any(finder.is_mavlink and finder.orient == orient for finder in finders):
-            yield in_records(f"they are of orientation {orient}, and there is {listed(ours)}", one, everything)
+            yield in_records(f"they are of orientation {orient}, and there is {listed(ours)}", series, everything)
 
 
 @check(
@@ -117,18 +117,18 @@ def range_unused(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def range_not_down(evidence: Evidence) -> Iterator[Sighting]:
-    ranges = [one for one in evidence.vehicle.ground.ranges if len(one)]
-    if not ranges or any(one.looks_down for one in ranges):
+    ranges = [finder for finder in evidence.vehicle.ground.ranges if len(finder)]
+    if not ranges or any(finder.looks_down for finder in ranges):
         return
     wants = bool(_range_requests(evidence)) or any(evidence.source("VELXY", n) == 5 for n in SOURCE_SETS)
-    for one in ranges:
-        text = f"orientation {int(one.orient[-1])}, and none is of orientation {DOWNWARD}"
-        yield in_records(text, one, np.ones(len(one), np.bool_), None if wants else Severity.NOTE)
+    for finder in ranges:
+        text = f"orientation {int(finder.orient[-1])}, and none is of orientation {DOWNWARD}"
+        yield in_records(text, finder, np.ones(len(finder), np.bool_), None if wants else Severity.NOTE)
 
 
-def _status_text(one: RangeSeries, mask: Bools) -> str:
+def _status_text(series: RangeSeries, mask: Bools) -> str:
     """Return why some ranges were not good, in words, the most frequent reason first."""
-    counts = Counter(one.status[mask].tolist())
+    counts = Counter(series.status[mask].tolist())
     return " and ".join(
         f"{share(count, int(mask.sum()))} {_WHY[RangeStatus(status)]}"
         for status, count in counts.most_common()
@@ -152,21 +152,21 @@ def _status_text(one: RangeSeries, mask: Bools) -> str:
     witness=Witness.LOG,
 )
 def range_never_good(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _looking_down(evidence):
-        if not one.is_good.any():
-            everything = np.ones(len(one), np.bool_)
+    for finder in _looking_down(evidence):
+        if not finder.is_good.any():
+            everything = np.ones(len(finder), np.bool_)
             wants = bool(_range_requests(evidence)) or evidence.source("VELXY") == 5
-            severity = None if wants and len(one) >= limits.FEWEST_RANGES else Severity.WARNING
-            distances = f"{one.dist_m.min():.2f} to {one.dist_m.max():.2f} m{_limits_text(evidence, one)}"
-            text = f"no range is good: {_status_text(one, everything)}, distances {distances}"
-            yield in_records(text, one, everything, severity)
+            severity = None if wants and len(finder) >= limits.FEWEST_RANGES else Severity.WARNING
+            distances = f"{finder.dist_m.min():.2f} to {finder.dist_m.max():.2f} m{_limits_text(evidence, finder)}"
+            text = f"no range is good: {_status_text(finder, everything)}, distances {distances}"
+            yield in_records(text, finder, everything, severity)
 
 
-def _limits_text(evidence: Evidence, one: RangeSeries) -> str:
+def _limits_text(evidence: Evidence, series: RangeSeries) -> str:
     """Return the limits of a sensor in words; "" if they are not known."""
-    if np.isfinite(one.low_m).all() and np.isfinite(one.high_m).all():
-        return f", limits {one.low_m[-1]:.2f} and {one.high_m[-1]:.2f} m"
-    names = [f"RNGFND{one.instance + 1}_{name}" for name in ("MIN", "MAX")]
+    if np.isfinite(series.low_m).all() and np.isfinite(series.high_m).all():
+        return f", limits {series.low_m[-1]:.2f} and {series.high_m[-1]:.2f} m"
+    names = [f"RNGFND{series.instance + 1}_{name}" for name in ("MIN", "MAX")]
     known = [f"{name} {evidence.set_up.known[name]:.2f}" for name in names if name in evidence.set_up.known]
     return "".join(f", {text}" for text in known)
 
@@ -184,27 +184,27 @@ def _limits_text(evidence: Evidence, one: RangeSeries) -> str:
     witness=Witness.LOG,
 )
 def range_gaps(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _looking_down(evidence):
-        if not one.is_good.any():
+    for finder in _looking_down(evidence):
+        if not finder.is_good.any():
             continue
-        good_us = one.time_us[one.is_good]
-        bad = ~one.is_good & is_in_flight(evidence, one.time_us)
-        spans = [(int(one.time_us[a]), int(one.time_us[b - 1])) for a, b in stretches_of(bad)]
-        period_us = np.diff(one.time_us)  # telemetry is slower than the sensor
+        good_us = finder.time_us[finder.is_good]
+        bad = ~finder.is_good & is_in_flight(evidence, finder.time_us)
+        spans = [(int(finder.time_us[a]), int(finder.time_us[b - 1])) for a, b in stretches_of(bad)]
+        period_us = np.diff(finder.time_us)  # telemetry is slower than the sensor
         gaps = np.flatnonzero(
             period_us > max(limits.RANGE_STALE_US, 3 * float(np.median(period_us)) if len(period_us) else 0)
         )
-        gaps = gaps[is_in_flight(evidence, one.time_us[gaps])]
-        spans = sorted([*spans, *((int(one.time_us[i]), int(one.time_us[i + 1])) for i in gaps)])
+        gaps = gaps[is_in_flight(evidence, finder.time_us[gaps])]
+        spans = sorted([*spans, *((int(finder.time_us[i]), int(finder.time_us[i + 1])) for i in gaps)])
         spans = [span for span in spans if span[1] - span[0] >= limits.RANGE_STALE_US and good_us[0] < span[0]]
         if spans:
             longest = max(spans, key=lambda span: span[1] - span[0])
-            shown = bad & (one.time_us >= spans[0][0]) & (one.time_us <= spans[-1][1])
-            how = f" ({_status_text(one, shown)})" if shown.any() else ""
-            only_high = shown.any() and bool((one.status[shown] == RangeStatus.TOO_FAR).all()) and not len(gaps)
+            shown = bad & (finder.time_us >= spans[0][0]) & (finder.time_us <= spans[-1][1])
+            how = f" ({_status_text(finder, shown)})" if shown.any() else ""
+            only_high = shown.any() and bool((finder.status[shown] == RangeStatus.TOO_FAR).all()) and not len(gaps)
             yield Sighting(
-                f"{named(one)}: no good range for more than 0.5 s in flight, {how_often(len(spans))}; the longest time "
-                f"of {1e-6 * (longest[1] - longest[0]):.1f} s from {at(longest[0])} on{how}",
+                f"{named(finder)}: no good range for more than 0.5 s in flight, {how_often(len(spans))}; the longest "
+                f"time of {1e-6 * (longest[1] - longest[0]):.1f} s from {at(longest[0])} on{how}",
                 start_us=spans[0][0],
                 end_us=spans[-1][1],
                 severity=Severity.NOTE if only_high and not _range_requests(evidence) else None,
@@ -221,21 +221,21 @@ def range_gaps(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def range_stuck(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _looking_down(evidence):
-        height_m = above_start_m(evidence, one.time_us)
-        same = np.append(False, np.diff(one.dist_m) == 0) & one.is_good
+    for finder in _looking_down(evidence):
+        height_m = above_start_m(evidence, finder.time_us)
+        same = np.append(False, np.diff(finder.dist_m) == 0) & finder.is_good
         for start, end in stretches_of(same):
             known = height_m[start - 1 : end]
             known = known[np.isfinite(known)]
-            took_us = int(one.time_us[end - 1] - one.time_us[start - 1])
+            took_us = int(finder.time_us[end - 1] - finder.time_us[start - 1])
             if took_us >= limits.RANGE_STUCK_US and len(known) and np.ptp(known) > limits.RANGE_STUCK_CLIMB_M:
-                shown = np.zeros(len(one), np.bool_)
+                shown = np.zeros(len(finder), np.bool_)
                 shown[start - 1 : end] = True
                 text = (
-                    f"{one.dist_m[start]:.2f} m for {1e-6 * took_us:.1f} s, while the vehicle's height changed by "
+                    f"{finder.dist_m[start]:.2f} m for {1e-6 * took_us:.1f} s, while the vehicle's height changed by "
                     f"{np.ptp(known):.1f} m"
                 )
-                yield in_records(text, one, shown)
+                yield in_records(text, finder, shown)
                 break
 
 
@@ -252,19 +252,19 @@ def range_stuck(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def range_outliers(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _looking_down(evidence):
-        if one.is_good.sum() < limits.FEWEST_RANGES:
+    for finder in _looking_down(evidence):
+        if finder.is_good.sum() < limits.FEWEST_RANGES:
             continue
-        chosen = np.flatnonzero(one.is_good)
-        dist_m = one.dist_m[chosen]
+        chosen = np.flatnonzero(finder.is_good)
+        dist_m = finder.dist_m[chosen]
         around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(dist_m, 4, mode="edge"), 9), axis=1)
         off_m = np.abs(dist_m - around)
         outlier = off_m > np.maximum(limits.OUTLIER_M, limits.OUTLIER_SHARE * around)
         if outlier.sum() >= limits.FEWEST_OUTLIERS and outlier.sum() > limits.OUTLIERS_SHARE * len(dist_m):
-            shown = np.zeros(len(one), np.bool_)
+            shown = np.zeros(len(finder), np.bool_)
             shown[chosen[outlier]] = True
             text = f"{share(int(outlier.sum()), len(dist_m))} good ranges are off by up to {off_m.max():.1f} m"
-            yield in_records(f"{text} from those around them", one, shown)
+            yield in_records(f"{text} from those around them", finder, shown)
 
 
 @check(
@@ -277,28 +277,28 @@ def range_outliers(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def range_scale(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _looking_down(evidence):
-        found = _against_height(evidence, one)
+    for finder in _looking_down(evidence):
+        found = _against_height(evidence, finder)
         if found is None:
             continue
         factor, alike = found
         if alike > limits.RANGE_ALIKE_CORRELATION and abs(factor - 1) > limits.RANGE_SCALE_OFF:
             text = f"ranges grow {factor:.2f} times as much as the vehicle's height (correlation {alike:.2f})"
-            yield in_records(text, one, one.is_good)
+            yield in_records(text, finder, finder.is_good)
 
 
-def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> tuple[float, float] | None:
+def _against_height(evidence: Evidence, series: RangeSeries, late_us: int = 0) -> tuple[float, float] | None:
     """Return how much ranges grow with the height of ``late_us`` before, and the correlation; None without a climb."""
-    height_m = above_start_m(evidence, one.time_us - late_us)
-    known = one.is_good & np.isfinite(height_m) & np.isfinite(one.dist_m)
+    height_m = above_start_m(evidence, series.time_us - late_us)
+    known = series.is_good & np.isfinite(height_m) & np.isfinite(series.dist_m)
     if (
         known.sum() < limits.FEWEST_RANGES
         or np.ptp(height_m[known]) < limits.RANGE_CLIMB_M
-        or np.ptp(one.dist_m[known]) == 0
+        or np.ptp(series.dist_m[known]) == 0
     ):
         return None
-    alike = float(np.corrcoef(one.dist_m[known], height_m[known])[0, 1])
-    return float(np.polyfit(height_m[known], one.dist_m[known], 1)[0]), alike
+    alike = float(np.corrcoef(series.dist_m[known], height_m[known])[0, 1])
+    return float(np.polyfit(height_m[known], series.dist_m[known], 1)[0]), alike
 
 
 @check(
@@ -314,8 +314,8 @@ def _against_height(evidence: Evidence, one: RangeSeries, late_us: int = 0) -> t
     witness=Witness.LOG,
 )
 def range_late(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _looking_down(evidence):
-        tried = {late_us: _against_height(evidence, one, late_us) for late_us in _LATE_US}
+    for finder in _looking_down(evidence):
+        tried = {late_us: _against_height(evidence, finder, late_us) for late_us in _LATE_US}
         alike = {late_us: found[1] for late_us, found in tried.items() if found is not None}
         if 0 not in alike:
             continue
@@ -326,7 +326,7 @@ def range_late(evidence: Evidence) -> Iterator[Sighting]:
         is_clear = is_clear and left < limits.RANGE_LATE_UNEXPLAINED * left_at_once
         if late_us >= limits.RANGE_LATE_US and is_clear:
             text = f"ranges follow the vehicle's height about {1e-3 * late_us:.0f} ms later"
-            yield in_records(text, one, one.is_good)
+            yield in_records(text, finder, finder.is_good)
 
 
 @check(
@@ -342,12 +342,16 @@ def range_late(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def range_not_judged(evidence: Evidence) -> Iterator[Sighting]:
-    for one in _looking_down(evidence):
-        found = _against_height(evidence, one)
+    for finder in _looking_down(evidence):
+        found = _against_height(evidence, finder)
         if found is None:
-            yield Sighting(f"{named(one)}: scale: nothing shows a climb of {limits.RANGE_CLIMB_M:g} m with good ranges")
+            yield Sighting(
+                f"{named(finder)}: scale: nothing shows a climb of {limits.RANGE_CLIMB_M:g} m with good ranges"
+            )
         elif found[1] <= limits.RANGE_ALIKE_CORRELATION:
-            yield Sighting(f"{named(one)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})")
+            yield Sighting(
+                f"{named(finder)}: scale: ranges and height are too little alike (correlation {found[1]:.2f})"
+            )
     asks = _range_requests(evidence)
     if asks and not evidence.vehicle.ground.ranges:
         if not is_recorded(evidence, CTUN_BIT) and known_param(evidence, "RNGFND1_TYPE"):

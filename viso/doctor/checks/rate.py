@@ -22,7 +22,7 @@ _SECOND_US: Final = 1_000_000
 
 
 def _taken(evidence: Evidence) -> list[HandledMessage]:
-    return [one for one in evidence.stream.vision if one.is_taken]
+    return [message for message in evidence.stream.vision if message.is_taken]
 
 
 def _gaps(evidence: Evidence) -> list[tuple[HandledMessage, HandledMessage, int]]:
@@ -40,7 +40,9 @@ def _gaps(evidence: Evidence) -> list[tuple[HandledMessage, HandledMessage, int]
 def _slow_us(evidence: Evidence) -> float:
     """Return the median time between messages if they are too few; else 0."""
     taken = _taken(evidence)
-    interval = float(np.median(np.diff([one.arrival_us for one in taken]))) if len(taken) >= FEWEST_MESSAGES else 0.0
+    interval = (
+        float(np.median(np.diff([message.arrival_us for message in taken]))) if len(taken) >= FEWEST_MESSAGES else 0.0
+    )
     return interval if interval >= limits.SLOW_PERIOD_US else 0.0
 
 
@@ -129,12 +131,12 @@ def gaps_of_seven_seconds(evidence: Evidence) -> Iterator[Sighting]:
 def _samples(evidence: Evidence, kind: str) -> tuple[list[HandledMessage], list[HandledMessage]]:
     """Return the messages with samples of a kind, and those whose sample was refused because it came too soon."""
     offered, refused = [], []
-    for one in evidence.stream.vision:
-        of_kind = [sample for sample in one.samples if sample.kind == kind]
+    for message in evidence.stream.vision:
+        of_kind = [sample for sample in message.samples if sample.kind == kind]
         if of_kind:
-            offered.append(one)
+            offered.append(message)
         if any(test.outcome.rule is TOO_SOON for sample in of_kind for test in sample.outcomes):
-            refused.append(one)
+            refused.append(message)
     return offered, refused
 
 
@@ -162,7 +164,7 @@ def too_many_messages(evidence: Evidence) -> Iterator[Sighting]:
         offered, refused = _samples(evidence, kind)
         if refused:
             text = f"{track.sender}: {1e6 / interval:.0f} messages per second; {share(len(refused), len(offered))}"
-            yield Sighting(f"{text} {kind} samples were refused", [one.number for one in refused])
+            yield Sighting(f"{text} {kind} samples were refused", [message.number for message in refused])
 
 
 @check(

@@ -83,11 +83,11 @@ def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, st
     found = []
     for channel in range(len(CHANNELS)):
         fed = own.fed_by_extnav(channel)
-        one = own.over_one(channel, fed if by_extnav else ~fed)
-        if one is not None:
-            found.append(one)
-    for one in sorted(found, key=lambda one: -one.share):
-        yield one, _ratio_text(own, one)
+        ratio = own.over_one(channel, fed if by_extnav else ~fed)
+        if ratio is not None:
+            found.append(ratio)
+    for ratio in sorted(found, key=lambda ratio: -ratio.share):
+        yield ratio, _ratio_text(own, ratio)
 
 
 @check(
@@ -106,8 +106,8 @@ def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, st
     witness=Witness.LOG,
 )
 def rejected_extnav(evidence: Evidence) -> Iterator[Sighting]:
-    for one, text in _over_one(evidence, by_extnav=True):
-        yield Sighting(text, start_us=one.first_us, end_us=one.last_us, severity=_severity_of(one))
+    for ratio, text in _over_one(evidence, by_extnav=True):
+        yield Sighting(text, start_us=ratio.first_us, end_us=ratio.last_us, severity=_severity_of(ratio))
 
 
 @check(
@@ -126,9 +126,9 @@ def rejected_extnav(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def rejected_other_sensor(evidence: Evidence) -> Iterator[Sighting]:
-    for one, text in _over_one(evidence, by_extnav=False):
-        severity = Severity.NOTE if _severity_of(one) is Severity.NOTE else Severity.WARNING
-        yield Sighting(text, start_us=one.first_us, end_us=one.last_us, severity=severity)
+    for ratio, text in _over_one(evidence, by_extnav=False):
+        severity = Severity.NOTE if _severity_of(ratio) is Severity.NOTE else Severity.WARNING
+        yield Sighting(text, start_us=ratio.first_us, end_us=ratio.last_us, severity=severity)
 
 
 @check(
@@ -234,13 +234,13 @@ def cores_disagree(evidence: Evidence) -> Iterator[Sighting]:
         first_us, core = lanes[0]
         text = f"the autopilot changed its primary core {how_often(len(lanes))}, at {at(first_us)} to core {core}"
         yield Sighting(text, start_us=first_us, end_us=lanes[-1][0])
-    for one in own.others:
-        if one.over_s < limits.RATIO_SHORT_S:
+    for ratio in own.others:
+        if ratio.over_s < limits.RATIO_SHORT_S:
             continue
         yield Sighting(
-            f"core {one.core}, while it was not the primary one, had a test ratio above 1 for {one.over_s:.1f} s, from "
-            f"{at(one.first_us)} on, worst {one.worst:.1f}",
-            start_us=one.first_us,
+            f"core {ratio.core}, while it was not the primary one, had a test ratio above 1 for {ratio.over_s:.1f} s, "
+            f"from {at(ratio.first_us)} on, worst {ratio.worst:.1f}",
+            start_us=ratio.first_us,
             severity=Severity.NOTE,
         )
 

@@ -256,11 +256,11 @@ def _counter_flaps(poses: Poses) -> bool:
     needs={Aspect.RESETS},
 )
 def counter_always_changes(evidence: Evidence) -> Iterator[Sighting]:
-    poses = [one for one in evidence.stream.vision if isinstance(one.message, POSE_TYPES)]
+    poses = [message for message in evidence.stream.vision if isinstance(message.message, POSE_TYPES)]
     if len(poses) < FEWEST_MESSAGES:
         return
-    counters = [int(getattr(one.message, "reset_counter", 0)) for one in poses]
-    changed = [one for one, a, b in zip(poses[1:], counters, counters[1:], strict=False) if a != b]
+    counters = [int(getattr(pose.message, "reset_counter", 0)) for pose in poses]
+    changed = [pose for pose, a, b in zip(poses[1:], counters, counters[1:], strict=False) if a != b]
     span_s = max((poses[-1].arrival_us - poses[0].arrival_us) * 1e-6, 1.0)
     if len(changed) >= limits.FEWEST_FLAPS and len(changed) > limits.FLAPS_HZ * span_s:
         yield Sighting.in_messages(f"reset_counter changes {len(changed)} times in {span_s:.1f} s", changed)
@@ -298,17 +298,19 @@ def first_counter(evidence: Evidence) -> Iterator[Sighting]:
 def contradicting_poses(evidence: Evidence) -> Iterator[Sighting]:
     """Find two senders of poses whose positions lie apart at the same time."""
     for index in range(1, len(evidence.stream.poses)):
-        one, other = evidence.stream.poses[0], evidence.stream.poses[index]
-        if len(one.track) < FEWEST_MESSAGES or len(other.track) < FEWEST_MESSAGES:
+        earlier, other = evidence.stream.poses[0], evidence.stream.poses[index]
+        if len(earlier.track) < FEWEST_MESSAGES or len(other.track) < FEWEST_MESSAGES:
             continue
-        first, last = one.track.arrival_us[0], one.track.arrival_us[-1]
+        first, last = earlier.track.arrival_us[0], earlier.track.arrival_us[-1]
         inside = (other.track.arrival_us >= first) & (other.track.arrival_us <= last)
         if np.count_nonzero(inside) < FEWEST_MESSAGES:
             continue
         times = other.track.arrival_us[inside]
-        there = np.column_stack([np.interp(times, one.track.arrival_us, one.pos_m[:, axis]) for axis in range(3)])
+        there = np.column_stack(
+            [np.interp(times, earlier.track.arrival_us, earlier.pos_m[:, axis]) for axis in range(3)]
+        )
         apart = median_of(np.linalg.norm(there - other.pos_m[inside], axis=1))
         if apart > limits.POSES_APART_M:
             yield Sighting.in_track(
-                f"{one.track.sender} and {other.track.sender} are {apart:.1f} m apart", other.track, inside
+                f"{earlier.track.sender} and {other.track.sender} are {apart:.1f} m apart", other.track, inside
             )

@@ -45,7 +45,7 @@ _LOST_FIELDS: Final = {
 def no_vision(evidence: Evidence) -> Iterator[Sighting]:
     ground = evidence.vehicle.ground
     sent = ground.unread or any(
-        (*(one.units is not None for one in ground.flows), *(one.is_sent for one in ground.ranges))
+        (*(flow.units is not None for flow in ground.flows), *(finder.is_sent for finder in ground.ranges))
     )
     if evidence.stream.vision or evidence.is_off or (sent and not evidence.requests):
         return
@@ -75,9 +75,9 @@ def no_vision(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def mavlink_1(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.stream.vision if one.version == 1 and one.name in _LOST_FIELDS]
+    found = [message for message in evidence.stream.vision if message.version == 1 and message.name in _LOST_FIELDS]
     for name, of_name in by_type(found):
-        total = sum(one.name == name for one in evidence.stream.vision)
+        total = sum(message.name == name for message in evidence.stream.vision)
         yield Sighting.in_messages(
             f"{share(len(of_name), total)} {name} came as MAVLink 1, without {_LOST_FIELDS[name]}", of_name
         )
@@ -87,10 +87,10 @@ def _skipped_numbers(evidence: Evidence, track: Track) -> Ints:
     """Return how many sequence numbers of the sender are missing before each message of a track."""
     sender = track.sender
     numbers, sequence = [], []
-    for one in evidence.stream.messages:
-        if one.sender == (sender.system_id, sender.component_id) and one.version:
-            numbers.append(one.number)
-            sequence.append(one.sequence)
+    for message in evidence.stream.messages:
+        if message.sender == (sender.system_id, sender.component_id) and message.version:
+            numbers.append(message.number)
+            sequence.append(message.sequence)
     of_sender: Ints = np.array(sequence, dtype=np.int64)
     gap = (of_sender[1:] - of_sender[:-1] - 1) % 256
     total = np.concatenate([[0], np.cumsum(np.where(gap < 128, gap, 0))])
@@ -154,9 +154,11 @@ def damaged_frames(evidence: Evidence) -> Iterator[Sighting]:
         )
     known = {number for kind in otherwise for number in kind.refused}
     refused = (BAD_CRC, UNKNOWN_MESSAGE)
-    found = [one for one in evidence.stream.messages if one.verdict in refused and one.number not in known]
+    found = [
+        message for message in evidence.stream.messages if message.verdict in refused and message.number not in known
+    ]
     if found:
-        frames = sum(one.version != 0 for one in evidence.stream.messages) + len(found)
+        frames = sum(message.version != 0 for message in evidence.stream.messages) + len(found)
         yield Sighting.in_messages(f"{share(len(found), frames)} frames were damaged", found)
 
 
@@ -173,12 +175,13 @@ def damaged_frames(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def several_senders(evidence: Evidence) -> Iterator[Sighting]:
-    senders = Counter(one.sender for one in evidence.stream.vision)
+    senders = Counter(message.sender for message in evidence.stream.vision)
     if len(senders) > 1:
         names = " and ".join(f"{system}/{component} ({count})" for (system, component), count in senders.items())
         (usual, _), *_ = senders.most_common(1)
         yield Sighting.in_messages(
-            f"external navigation comes from {names}", [one for one in evidence.stream.vision if one.sender != usual]
+            f"external navigation comes from {names}",
+            [message for message in evidence.stream.vision if message.sender != usual],
         )
 
 
@@ -192,7 +195,7 @@ def several_senders(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def own_ids(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.stream.vision if one.verdict is OWN_MESSAGE]
+    found = [message for message in evidence.stream.vision if message.verdict is OWN_MESSAGE]
     if found:
         ids = f"{found[0].system_id}/{found[0].component_id}"
         count = share(len(found), len(evidence.stream.vision))
@@ -211,11 +214,13 @@ def own_ids(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def wrong_target(evidence: Evidence) -> Iterator[Sighting]:
-    senders = {one.sender for one in evidence.stream.vision}
+    senders = {message.sender for message in evidence.stream.vision}
     found = [
-        one
-        for one in evidence.stream.messages
-        if one.verdict is NOT_ADDRESSED and one.sender in senders and isinstance(one.message, _FOR_THE_AUTOPILOT)
+        message
+        for message in evidence.stream.messages
+        if message.verdict is NOT_ADDRESSED
+        and message.sender in senders
+        and isinstance(message.message, _FOR_THE_AUTOPILOT)
     ]
     for name, of_name in by_type(found):
         target = getattr(of_name[0].message, "target_system", 0)
@@ -233,7 +238,7 @@ def wrong_target(evidence: Evidence) -> Iterator[Sighting]:
     needs={Aspect.LINK},
 )
 def only_ground_station(evidence: Evidence) -> Iterator[Sighting]:
-    found = [one for one in evidence.stream.vision if one.verdict is NOT_ACCEPTED]
+    found = [message for message in evidence.stream.vision if message.verdict is NOT_ACCEPTED]
     if found:
         own, gcs = evidence.system_id, evidence.ground_station_id
         text = f"{share(len(found), len(evidence.stream.vision))} messages refused: from system {found[0].system_id}"
@@ -252,11 +257,11 @@ def only_ground_station(evidence: Evidence) -> Iterator[Sighting]:
 def repeated_messages(evidence: Evidence) -> Iterator[Sighting]:
     latest: dict[tuple[int, int, str], bytes] = {}
     found = []
-    for one in evidence.stream.vision:
-        key = (*one.sender, one.name)
-        if latest.get(key) == one.frame:
-            found.append(one)
-        latest[key] = one.frame
+    for message in evidence.stream.vision:
+        key = (*message.sender, message.name)
+        if latest.get(key) == message.frame:
+            found.append(message)
+        latest[key] = message.frame
     if len(found) >= limits.FEWEST_LOST:
         yield Sighting.in_messages(
             f"{share(len(found), len(evidence.stream.vision))} messages came twice, byte for byte", found

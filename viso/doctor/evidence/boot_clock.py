@@ -56,11 +56,11 @@ def boot_clock(times_us: Sequence[tuple[int, int]]) -> BootClock | None:
 
 def by_boot_clock(stream: Stream, clock: BootClock) -> Stream:
     """Return a stream with times by the autopilot's clock, and a note; the time of the first message stays."""
-    known = [one.arrival_us for one in stream.messages if one.arrival_us is not None]
+    known = [message.arrival_us for message in stream.messages if message.arrival_us is not None]
     boot_us = clock.boot_of(np.array(known, dtype=np.int64))
     moved = iter(np.maximum.accumulate(known[0] + boot_us - boot_us[0]).tolist() if known else [])
     messages = tuple(
-        StreamMessage(None if one.arrival_us is None else next(moved), one.frame) for one in stream.messages
+        StreamMessage(None if message.arrival_us is None else next(moved), message.frame) for message in stream.messages
     )
     found = clock.found
     note = (

@@ -51,7 +51,7 @@ class Comparison:
 
 def comparison_of(poses: Poses, comparisons: Sequence[Comparison]) -> Comparison | None:
     """Return the comparison of some poses; None if there is none."""
-    return next((one for one in comparisons if one.poses is poses), None)
+    return next((comparison for comparison in comparisons if comparison.poses is poses), None)
 
 
 def oriented(quat_wxyz: Floats, viso_type: int, orient: int) -> Floats:
@@ -91,13 +91,13 @@ def compare(
     """Compare each track of poses with the vehicle's own attitude."""
     if attitude is None or len(attitude) < _FEWEST:
         return ()
-    by_number = {one.number: one for one in messages}
+    by_number = {message.number: message for message in messages}
     vehicle_us, vehicle_quats = _usable(attitude.time_us, quats_from_euler(attitude.euler_rad))
     viso_type, orient = int(params.get("VISO_TYPE", 0)), int(params.get("VISO_ORIENT", 0))
     found = []
-    for one in poses:
-        quats = oriented(one.quat_wxyz, viso_type, orient)
-        corrected_us = _corrected_us(one, by_number)
+    for pose in poses:
+        quats = oriented(pose.quat_wxyz, viso_type, orient)
+        corrected_us = _corrected_us(pose, by_number)
         time_us, quats = _usable(corrected_us, quats)
         if len(time_us) < _FEWEST:
             continue
@@ -107,10 +107,10 @@ def compare(
         world = estimate_world_axes(
             time_us, quats, vehicle_us, vehicle_quats, body_axes=orientation.axes, delay_ms=lag_ms
         )
-        arrived_us, as_sent = _usable(one.track.arrival_us, one.quat_wxyz)
+        arrived_us, as_sent = _usable(pose.track.arrival_us, pose.quat_wxyz)
         since_arrival = estimate_delay(arrived_us, as_sent, vehicle_us, vehicle_quats)
-        transport_ms = float(np.min(one.track.arrival_us - corrected_us)) * 1e-3
-        found.append(Comparison(one, delay, since_arrival, orientation, world, transport_ms))
+        transport_ms = float(np.min(pose.track.arrival_us - corrected_us)) * 1e-3
+        found.append(Comparison(pose, delay, since_arrival, orientation, world, transport_ms))
     return tuple(found)
 
 
@@ -150,15 +150,15 @@ def compare_paths(
     if position is None:
         return ()
     found = []
-    for one in poses:
-        if len(one.track) < _FEWEST:
+    for pose in poses:
+        if len(pose.track) < _FEWEST:
             continue
-        compared = comparison_of(one, comparisons)
+        compared = comparison_of(pose, comparisons)
         delay_ms = 0.0 if compared is None else compared.late_ms
-        paths = one.track.arrival_us, one.pos_m, position.time_us, position.ned_m
+        paths = pose.track.arrival_us, pose.pos_m, position.time_us, position.ned_m
         heading_deg = _heading_deg(compared, params)
         axes = None
         if heading_deg is not None:
             axes = estimate_position_axes(*paths, heading_deg=heading_deg, delay_ms=delay_ms)
-        found.append(PathComparison(one, position.origin, estimate_scale(*paths, delay_ms=delay_ms), axes))
+        found.append(PathComparison(pose, position.origin, estimate_scale(*paths, delay_ms=delay_ms), axes))
     return tuple(found)

@@ -172,7 +172,7 @@ def _speed(time_us: Floats, pos_m: Floats) -> Floats:
     back, ahead = (np.clip(time_us + by, time_us[0], time_us[-1]) for by in (-_AROUND_US, _AROUND_US))
     moved = [np.interp(ahead, time_us, column) - np.interp(back, time_us, column) for column in pos_m[:, :2].T]
     took_s = np.maximum(ahead - back, 1.0) * 1e-6
-    return np.column_stack([time_us, *(one / took_s for one in moved)])
+    return np.column_stack([time_us, *(angle / took_s for angle in moved)])
 
 
 def _velocity(ground: GroundSensors, position: PositionSeries | None, uses_flow: bool) -> tuple[Floats, bool]:
@@ -204,9 +204,9 @@ def _motion(
 
 def _distance(ground: GroundSensors, height: HeightSeries | None, time_us: Floats) -> Floats:
     """Return the distance to the ground in m, by a range finder or else by the height above the start; NaN if small."""
-    below = [one for one in ground.ranges if one.looks_down and one.is_good.any()]
+    below = [finder for finder in ground.ranges if finder.looks_down and finder.is_good.any()]
     if below:
-        first = min(below, key=lambda one: one.is_sent)  # the autopilot's own word before a companion's
+        first = min(below, key=lambda finder: finder.is_sent)  # the autopilot's own word before a companion's
         table = np.column_stack([first.time_us, np.where(first.is_good, first.dist_m, np.nan)])
     elif height is not None:
         table = np.column_stack([height.time_us, height.down_m[0] - height.down_m])
@@ -251,12 +251,12 @@ def _fitted(flow: FlowSeries, of: str, rates: Floats, valid: Bools, motion: _Mot
     every = -(-len(rates) // _MOST_FITTED)
     fit = FlowFit(flow, of, by=motion.by)
     tried = {lag: _at_lag(fit, rates[::every], time_us[::every], motion, lag) for lag in _LAGS_MS}
-    usable = {lag: one for lag, one in tried.items() if one is not None}
+    usable = {lag: at_lag for lag, at_lag in tried.items() if at_lag is not None}
     if not usable:
         return FlowFit(flow, of, len(rates), "the vehicle hardly moved where its motion and the flow are both known")
     lag_ms = max(usable, key=lambda lag: sum(usable[lag].explained))
     best = usable[lag_ms]
-    others = [sum(one.explained) for lag, one in usable.items() if abs(lag - lag_ms) > _OTHER_LAG_MS]
+    others = [sum(at_lag.explained) for lag, at_lag in usable.items() if abs(lag - lag_ms) > _OTHER_LAG_MS]
     return replace(best, is_timed=len(others) > 1 and sum(best.explained) - max(others) > _CLEARLY_LESS)
 
 

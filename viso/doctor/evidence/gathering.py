@@ -93,7 +93,7 @@ def gather(
         notes.append(f"{stream.name}: the filter (a model) was run over {until} (--filter-seconds)")
     if evidence.stream.poses and not _knows_axes(evidence):
         notes.insert(0, f"{stream.name}: {_AXES_UNKNOWN}")
-    notes += (f"{stream.name}: {one}" for one in judged_by.notes)
+    notes += (f"{stream.name}: {note}" for note in judged_by.notes)
     return replace(evidence, notes=tuple(notes))
 
 
@@ -123,8 +123,8 @@ def _measured(
 
 def _is_another_flight(comparisons: Sequence[Comparison]) -> bool:
     """Return whether the vehicle turns, and nowhere as the stream does: a trajectory has a clock of its own."""
-    turning = [one for one in comparisons if one.since_arrival.rate_rad > _TURNING_RAD_S]
-    return bool(turning) and not any(one.since_arrival.enough_motion for one in turning)
+    turning = [comparison for comparison in comparisons if comparison.since_arrival.rate_rad > _TURNING_RAD_S]
+    return bool(turning) and not any(compared.since_arrival.enough_motion for compared in turning)
 
 
 def _flow_fits(stream: Stream, sent: StreamData, vehicle: VehicleData, trial: Trial) -> tuple[FlowFit, ...]:
@@ -141,6 +141,6 @@ def _flow_fits(stream: Stream, sent: StreamData, vehicle: VehicleData, trial: Tr
 
 def _knows_axes(evidence: Evidence) -> bool:
     """Return whether attitudes or a path show which way the stream's axes point."""
-    if any(one.orientation.sufficient for one in evidence.comparisons):
+    if any(comparison.orientation.sufficient for comparison in evidence.comparisons):
         return True
-    return any(one.axes is not None and one.axes.sufficient for one in evidence.paths)
+    return any(path.axes is not None and path.axes.sufficient for path in evidence.paths)

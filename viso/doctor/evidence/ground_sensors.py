@@ -410,7 +410,10 @@ def _sent_range(
 ) -> RangeSeries:
     messages: list[Any] = [row[2] for row in rows]
     table = (
-        np.array([(one.current_distance, one.min_distance, one.max_distance) for one in messages], np.float64) * 0.01
+        np.array(
+            [(message.current_distance, message.min_distance, message.max_distance) for message in messages], np.float64
+        )
+        * 0.01
     )
     dist_m, low_m, high_m = table.T
     if not is_own:
@@ -434,7 +437,7 @@ def _sent_range(
 
 def _limits(low_m: Floats, high_m: Floats, orient: int, params: Mapping[str, float]) -> tuple[Floats, Floats]:
     """Return the limits that AP_RangeFinder_MAVLink computes from those of messages and of the finder's parameters."""
-    taking = (one.number for one in finders_in(params) if one.is_mavlink and one.orient == orient)
+    taking = (finder.number for finder in finders_in(params) if finder.is_mavlink and finder.orient == orient)
     prefix = f"RNGFND{next(taking, '')}_"
     least, most = (
         0.01 * params[f"{prefix}{name}_CM"] if f"{prefix}{name}_CM" in params else params.get(prefix + name, unlimited)

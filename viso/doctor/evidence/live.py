@@ -88,10 +88,10 @@ def stream_of_topic(topic: PoseTopic, heard: list[Heard], lead_us: int, axes: st
     """Return the poses of a topic as a stream of messages; arguments and errors are those of ``as_recorded``."""
     name = SCHEME + topic.name
     with as_input_errors(TrajectoryError):
-        records = collect(name, [one.message for one in heard])
+        records = collect(name, [pose.message for pose in heard])
     stream = as_recorded(records, lead_us, axes, form)
     notes = []
-    writers = len({one.writer for one in heard})
+    writers = len({pose.writer for pose in heard})
     if writers > 1:
         notes.append(f"{name}: {writers} senders; viso play listens to one of them at a time")
     if topic.damaged:

@@ -228,13 +228,13 @@ def motions_of(
 ) -> tuple[Motion, ...]:
     """Return the motions of all senders that send poses and velocities; ODOMETRY holds both."""
     found = []
-    for one in poses:
-        sender = one.track.sender
+    for pose in poses:
+        sender = pose.track.sender
         for other in velocities:
             of = other.track.sender
             both = (of.system_id, of.component_id) == (sender.system_id, sender.component_id)
             if both and (of == sender or "ODOMETRY" not in (of.name, sender.name)):
-                motion = _motion(one, other, window_s)
+                motion = _motion(pose, other, window_s)
                 if motion is not None:
                     found.append(motion)
     return tuple(found)

@@ -39,7 +39,7 @@ _PLAIN: Final = {
     "GPS_COMPASS_FALLBACK": "GPS or compass",
 }
 _NAMES: Final[tuple[Mapping[int, str], ...]] = tuple(
-    {int(one): _PLAIN.get(one.name, one.name.lower()) for one in kind}
+    {int(member): _PLAIN.get(member.name, member.name.lower()) for member in kind}
     for kind in (SourceXY, SourceXY, SourceZ, SourceYaw)
 )
 _OF_A_CORE: Final = re.compile(r"EKF[23] IMU(\d) (.*)")

@@ -114,7 +114,7 @@ def _sources(log: LogColumns, time_us: Ints, texts: tuple[tuple[int, str], ...],
 
 
 def _changes(states: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    return [one for number, one in enumerate(states) if number == 0 or one[1] != states[number - 1][1]]
+    return [state for number, state in enumerate(states) if number == 0 or state[1] != states[number - 1][1]]
 
 
 def _ekf2_sources(time_us: Ints, params: Mapping[str, float], reported: list[tuple[int, bool]]) -> Ints:

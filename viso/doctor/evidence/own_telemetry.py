@@ -64,9 +64,9 @@ class FilterListener:
         texts: Sequence[tuple[int, str]],
     ) -> OwnFilter:
         """Return what was collected; ``params`` are those at first, changes have time, name and new value."""
-        time_us = np.array([one[0] for one in self._reports], dtype=np.int64)
-        flags = np.array([one[1] for one in self._reports], dtype=np.int64)
-        ratios = np.array([one[2] for one in self._reports], dtype=np.float64).reshape(-1, len(CHANNELS))
+        time_us = np.array([report[0] for report in self._reports], dtype=np.int64)
+        flags = np.array([report[1] for report in self._reports], dtype=np.int64)
+        ratios = np.array([report[2] for report in self._reports], dtype=np.float64).reshape(-1, len(CHANNELS))
         switches = [(at, int(match[1]) - 1) for at, text in texts if (match := _SOURCE_SET.match(text))]
         reported = [(at, by_extnav) for at, by_extnav, _ in aiding_texts(texts)]
         states = list(dropwhile(lambda state: not state[1], self._armed))

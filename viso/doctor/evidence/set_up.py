@@ -79,7 +79,7 @@ class SetUp:
     @property
     def params(self) -> dict[str, float]:
         """What the vehicle of the trial gets."""
-        return {**self.known, **{one.name: one.value for one in self.assumed}}
+        return {**self.known, **{parameter.name: parameter.value for parameter in self.assumed}}
 
 
 def choose_set_up(
@@ -109,7 +109,7 @@ def choose_set_up(
     if names and judged_by.stands_for is not None:
         assumed += [one for one in _of_older(judged_by.stands_for, known) if one.name not in given]
     if not is_complete:
-        assumed += fitting(names, {*known, *(one.name for one in assumed)})
+        assumed += fitting(names, {*known, *(parameter.name for parameter in assumed)})
     return SetUp(
         judged_by=judged_by,
         known=known,
@@ -121,7 +121,7 @@ def choose_set_up(
 
 def vision_carried(stream: Stream) -> frozenset[str]:
     """Return the names of a stream's messages of external navigation."""
-    kinds = {message_id_of(one.frame) for one in stream.messages}
+    kinds = {message_id_of(message.frame) for message in stream.messages}
     return VISION_NAMES & {message_name(kind) for kind in kinds}
 
 
@@ -148,4 +148,4 @@ def fitting(names: Collection[str], known: Collection[str]) -> list[Assumed]:
         Assumed("GPS1_TYPE", 0, "no GPS, as external navigation is to be tried"),
         *([] if any(name.startswith("EK3_SRC") for name in known) else sources),
     ]
-    return [one for one in fit if one.name not in known]
+    return [parameter for parameter in fit if parameter.name not in known]

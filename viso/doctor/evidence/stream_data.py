@@ -81,7 +81,7 @@ def stream_data(stream: Stream, messages: tuple[HandledMessage, ...]) -> StreamD
     """Return a stream's data, with its messages as the autopilot handled them."""
     vision = vision_of(messages)
     poses, velocities = pose_tracks(vision), velocity_tracks(vision)
-    arrivals_us = [one.arrival_us for one in stream.messages[-1:] if one.arrival_us is not None]
+    arrivals_us = [message.arrival_us for message in stream.messages[-1:] if message.arrival_us is not None]
     return StreamData(
         name=stream.name,
         messages=messages,
@@ -93,19 +93,19 @@ def stream_data(stream: Stream, messages: tuple[HandledMessage, ...]) -> StreamD
         end_us=messages[-1].arrival_us if messages else max(arrivals_us, default=0),
         lacks=stream.lacks,
         kinds=kinds_in(stream),
-        refused=refused_kinds(stream) if any(one.verdict is BAD_CRC for one in messages) else (),
+        refused=refused_kinds(stream) if any(message.verdict is BAD_CRC for message in messages) else (),
     )
 
 
 def vision_of(messages: Sequence[HandledMessage]) -> tuple[HandledMessage, ...]:
     """Return the messages that carry external navigation."""
     kinds = tuple(VISION_MESSAGES)
-    return tuple(one for one in messages if isinstance(one.message, kinds))
+    return tuple(message for message in messages if isinstance(message.message, kinds))
 
 
 def kinds_in(stream: Stream) -> Counter[str]:
     """Return how many messages a stream has of each name; damaged ones count by the name in their header."""
-    return Counter(message_name(message_id_of(one.frame)) or "unknown" for one in stream.messages)
+    return Counter(message_name(message_id_of(message.frame)) or "unknown" for message in stream.messages)
 
 
 def refused_kinds(stream: Stream) -> tuple[FrameKind, ...]:

@@ -185,19 +185,19 @@ def track_of(
 def _track(sender: Sender, handled: Sequence[HandledMessage]) -> Track:
     return track_of(
         sender,
-        [one.number for one in handled],
-        [one.arrival_us for one in handled],
-        [stamp_of(one.message) for one in handled],
-        [one.sequence for one in handled],
+        [message.number for message in handled],
+        [message.arrival_us for message in handled],
+        [stamp_of(message.message) for message in handled],
+        [message.sequence for message in handled],
     )
 
 
 def grouped(messages: Sequence[HandledMessage], types: tuple[type, ...]) -> dict[Sender, list[HandledMessage]]:
     """Return messages of some types by sender, in order of first appearance."""
     groups: dict[Sender, list[HandledMessage]] = {}
-    for one in messages:
-        if isinstance(one.message, types):
-            groups.setdefault(Sender(one.system_id, one.component_id, one.name), []).append(one)
+    for message in messages:
+        if isinstance(message.message, types):
+            groups.setdefault(Sender(message.system_id, message.component_id, message.name), []).append(message)
     return groups
 
 
@@ -225,7 +225,7 @@ def covariance_of(message: object) -> tuple[float, ...] | None:
 
 
 def _poses(sender: Sender, handled: Sequence[HandledMessage]) -> Poses:
-    messages = [one.message for one in handled]
+    messages = [message.message for message in handled]
     pos_m = np.array([(m.x, m.y, m.z) for m in messages if isinstance(m, POSE_TYPES)], dtype=np.float64)
     euler_rad = None
     if isinstance(messages[0], _EULER_TYPES):
@@ -251,7 +251,7 @@ def pose_tracks(messages: Sequence[HandledMessage]) -> tuple[Poses, ...]:
 
 
 def _velocities(sender: Sender, handled: Sequence[HandledMessage]) -> Velocities:
-    messages = [one.message for one in handled]
+    messages = [message.message for message in handled]
     if isinstance(messages[0], ODOMETRY):
         odometry = [m for m in messages if isinstance(m, ODOMETRY)]
         sent = np.array([(m.vx, m.vy, m.vz) for m in odometry], dtype=np.float64)

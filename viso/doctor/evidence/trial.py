@@ -139,7 +139,7 @@ def _params_of(vehicle: Vehicle) -> dict[str, float]:
 
 def _filter_until_us(stream: Stream, filter_s: float) -> int | None:
     """Return until when the filter runs, us since boot; None for all the way."""
-    times_us = [one.arrival_us for one in stream.messages if one.arrival_us is not None]
+    times_us = [message.arrival_us for message in stream.messages if message.arrival_us is not None]
     numbers = (number for number, received in received_in(stream) if type(received.message) in VISION_MESSAGES)
     first = next(numbers, None) if math.isfinite(filter_s) and times_us else None
     if first is None:

@@ -24,7 +24,7 @@ def as_json(evidence: Evidence, summary: Summary, findings: Sequence[Finding]) -
         **evidence.set_up.judged_by.as_dict(),
         "findings": [finding.as_dict() for finding in findings],
         "summary": summary.as_dict(),
-        "assumed": {one.name: one.value for one in evidence.set_up.assumed},
+        "assumed": {parameter.name: parameter.value for parameter in evidence.set_up.assumed},
         "notes": list(evidence.notes),
     }
 

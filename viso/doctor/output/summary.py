@@ -105,14 +105,14 @@ class Summary:
             "aiding_until_us": self.aiding_until_us,
             "lags": [
                 {
-                    "sender": one.sender,
-                    "median_ms": round(one.median_ms, 1),
-                    "p99_ms": round(one.p99_ms, 1),
-                    "worst_ms": round(one.worst_ms, 1),
+                    "sender": lag.sender,
+                    "median_ms": round(lag.median_ms, 1),
+                    "p99_ms": round(lag.p99_ms, 1),
+                    "worst_ms": round(lag.worst_ms, 1),
                     "edges_ms": list(LAG_EDGES_MS),
-                    "counts": list(one.counts),
+                    "counts": list(lag.counts),
                 }
-                for one in self.lags
+                for lag in self.lags
             ],
             "own_filter": None if self.own is None else asdict(self.own),
         }
@@ -125,7 +125,7 @@ def _own_filter_summary(own: OwnFilter | None) -> OwnFilterSummary | None:
     worst = np.nanmax(np.where(usable & np.isfinite(own.ratios), own.ratios, -1.0), axis=0, initial=-1.0)
     largest = {name: round(value, 2) for name, value in zip(CHANNELS, worst.tolist(), strict=True) if value >= 0}
     by = {name: own.source(number) for number, name in enumerate(CHANNELS) if name in largest}
-    sources = {name: source_name(CHANNELS.index(name), one) for name, one in by.items() if one != NOT_KNOWN}
+    sources = {name: source_name(CHANNELS.index(name), source) for name, source in by.items() if source != NOT_KNOWN}
     running_s, positioned_s = (float(step_s[mask].sum()) for mask in (own.running, own.uses_extnav))
     return OwnFilterSummary(own.witness, own.record, running_s, positioned_s, largest, sources)
 
@@ -143,26 +143,26 @@ def _lags(evidence: Evidence) -> tuple[Lags, ...]:
 
 def _rates(evidence: Evidence) -> dict[str, float]:
     spans: dict[str, list[int]] = {}
-    for one in evidence.stream.vision:
-        spans.setdefault(one.name, []).append(one.arrival_us)
+    for message in evidence.stream.vision:
+        spans.setdefault(message.name, []).append(message.arrival_us)
     return {name: 1e6 * (len(at) - 1) / (at[-1] - at[0]) for name, at in spans.items() if at[-1] > at[0]}
 
 
 def _samples(evidence: Evidence) -> Counter[tuple[str, OutcomeKind]]:
     counts: Counter[tuple[str, OutcomeKind]] = Counter()
-    for one in evidence.stream.vision:
-        for sample in one.samples:
+    for message in evidence.stream.vision:
+        for sample in message.samples:
             counts.update((test.outcome.kind, outcome_kind(test.outcome.rule)) for test in sample.outcomes)
     return counts
 
 
 def summarise(evidence: Evidence) -> Summary:
     """Return what the autopilot would do with the stream."""
-    taken = [one.arrival_us for one in evidence.stream.vision if one.is_taken]
+    taken = [message.arrival_us for message in evidence.stream.vision if message.is_taken]
     aided = [span for span in evidence.trial.aiding if span.mode is not AidingMode.NONE]
     goes_on = bool(aided) and aided[-1] == evidence.trial.aiding[-1]
     return Summary(
-        outcomes=Counter((one.name, one.verdict.kind) for one in evidence.stream.vision),
+        outcomes=Counter((message.name, message.verdict.kind) for message in evidence.stream.vision),
         rate_hz=_rates(evidence),
         samples=_samples(evidence),
         healthy_from_us=taken[0] if taken else None,

@@ -44,7 +44,7 @@ def count_text(findings: Sequence[Finding]) -> str:
     """Return how many findings there are of each severity."""
     if not findings:
         return "nothing was found"
-    counts = [(severity, sum(one.severity is severity for one in findings)) for severity in Severity]
+    counts = [(severity, sum(finding.severity is severity for finding in findings)) for severity in Severity]
     return ", ".join(f"{count} {severity.value}{'s' if count > 1 else ''}" for severity, count in counts if count)
 
 
