@@ -24,33 +24,29 @@ HELP: Final = "The autopilot's end of ArduPilot external navigation."
 COMMANDS: Final[Mapping[str, str]] = {
     "demo": "Fly a survey in virtual time, navigating by what a camera sees of the ground.",
     "serve": (
-        "Be the autopilot: a vehicle that takes external navigation, estimates its state and answers as "
-        "ArduCopter does."
+        "Run the autopilot: a vehicle that takes external navigation, estimates its state and answers as ArduCopter."
     ),
-    "replay": "Feed a recorded stream to the autopilot at its arrival times, and tell the outcome of each message.",
-    "doctor": "Tell what the autopilot would do with a stream of external navigation, and what to change.",
-    "vio": "Work out from pictures and inertial data where a vehicle is, and send it to the autopilot if there is one.",
-    "engine": "Print the folder of viso_engine.hpp, which makes a program for viso vio --engine of an engine in C++.",
+    "replay": "Feed a recorded stream to the autopilot at its arrival times, and report the outcome of each message.",
+    "doctor": "Report what the autopilot would do with a stream of external navigation, and what to change.",
+    "vio": (
+        "Estimate a vehicle's position from pictures and inertial data, and send it to the autopilot if there is one."
+    ),
+    "engine": "Print the folder of viso_engine.hpp, the header for engines in C++ that viso vio --engine runs.",
     "play": "Play the trajectory that an odometry or a motion capture recorded, as a companion computer would send it.",
     "record": (
         "Play a scenario to a running autopilot and record what it does, in the formats that viso "
         "replay and doctor read."
     ),
     "landmarks": (
-        "Compare where landmarks and aircraft are seen with where they should be, and tell if heading or time is off."
+        "Compare landmarks and aircraft in pictures with their predicted places; report errors of heading and time."
     ),
     "faults": "Put faults into a stream: as a proxy between two links, or from a recorded stream into a file.",
-    "report": "Tell what a log of a flight holds about external navigation, as a page with figures.",
-    "ekf": (
-        "Run the filter over the replay records of a log (LOG_REPLAY), and tell how near it comes to "
-        "the log's estimates."
-    ),
-    "compare": (
-        "Play recordings of an autopilot through viso, and tell which fields differ: does it behave as viso says?"
-    ),
+    "report": "Report what a flight's log holds about external navigation, as a page with figures.",
+    "ekf": "Run the filter over the replay records of a log (LOG_REPLAY), and compare it with the log's estimates.",
+    "compare": "Play recordings of an autopilot through viso, and report which fields differ.",
     "vectors": "Recompute every output of recorded firmware behaviour with the port.",
     "sweep": (
-        "Replay recorded streams many times with other parameters, faults, seeds or firmware, and tell what is best."
+        "Replay recorded streams many times with other parameters, faults, seeds or firmware, and report the best."
     ),
 }
 """The commands, each with the first line of its help. ``viso.commands.NAME`` has the function NAME."""
@@ -107,7 +103,7 @@ def load_command(name: str) -> Any:
     return command
 
 
-def _tell_version(asked: bool) -> None:
+def _print_version(asked: bool) -> None:
     if asked:
         from ekf_stub.core import IS_COMPILED
         from viso.extras import installed_version
@@ -118,7 +114,7 @@ def _tell_version(asked: bool) -> None:
 
 def _program(
     version: Annotated[
-        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version and exit.")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Stand for the program itself, without a command."""

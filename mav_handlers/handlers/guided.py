@@ -88,8 +88,8 @@ def handle_set_position_target_global_int(ctx: Context, message: SET_POSITION_TA
 def _place_ned(ctx: Context, flight: FlightControl, message: SET_POSITION_TARGET_GLOBAL_INT) -> _Three | None:
     if not math.isfinite(message.alt):
         return None
-    told = Location(message.lat_int, message.lon_int, altitude_cm(message.alt))
-    place = above_the_sea(ctx, told, message.coordinate_frame)
+    wanted = Location(message.lat_int, message.lon_int, altitude_cm(message.alt))
+    place = above_the_sea(ctx, wanted, message.coordinate_frame)
     return flight.place_ned(place) if place is not None and place.is_valid() else None
 
 

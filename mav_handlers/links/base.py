@@ -211,7 +211,7 @@ def cannot_open(name: str, error: Exception) -> LinkError:
 def is_short_of_descriptors(descriptor: int) -> bool:
     """Return whether a new descriptor is one of the last few that the process may have.
 
-    The system returns the lowest free number, so the number tells how many are in use. A client with such a descriptor
+    The system returns the lowest free number, so the number shows how many are in use. A client with such a descriptor
     is refused, to leave the last ones to the vehicle's files.
     """
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)

@@ -61,7 +61,7 @@ class SerialLink(StreamLink):
     def _open_port(self) -> Any:
         port = serial.Serial(self._device, self._rate, timeout=0, exclusive=True)
         settings = termios.tcgetattr(port.fileno())
-        # With a minimum of one byte, no data and an unplugged port can be told apart as on a socket.
+        # With a minimum of one byte, no data and an unplugged port can be distinguished as on a socket.
         settings[6][termios.VMIN] = 1
         termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)
         return port

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``viso compare``: recordings of an autopilot held against viso."""
+"""``viso compare``: recordings of an autopilot compared with viso."""
 
 from contextlib import ExitStack
 from pathlib import Path
@@ -54,14 +54,14 @@ def compare(
         Output.PLACE,
     ] = None,
     which: Annotated[
-        bool, typer.Option("--which", help="Tell which firmware the recordings are most like, by trying all.")
+        bool, typer.Option("--which", help="Show which firmware the recordings are most like, by trying all.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the comparisons as JSON.")] = False,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write a page here.", metavar="FILE.html"), Output.FILE
     ] = None,
 ) -> None:
-    """Play recordings of an autopilot through viso, and tell which fields differ: does it behave as viso says?
+    """Play recordings of an autopilot through viso, and report which fields differ.
 
     What a recording holds beside its messages is compared: records, texts, acknowledgements, answers, or what the
     filter estimated. Floats have to be equal bit by bit, but for the tolerances that docs/parity.md lists with their
@@ -75,7 +75,7 @@ def compare(
     Example: echo '["wrap_360", ["43b48000"], ["3f800000"]]' > calls.jsonl && viso compare calls.jsonl
     """
     if which and firmware is not None:
-        raise InputError("--which and --firmware: one of them tells which firmware to be")
+        raise InputError("--which and --firmware: use one of the two")
     chosen = None if firmware is None else firmware_of(firmware)
     if keep is not None and master is None:
         raise InputError("--keep: only with --master is anything recorded")
@@ -161,7 +161,7 @@ def _print_which(found: list[Comparisons], nearest: list[str]) -> None:
     of_names = f" (they say that they are of {', '.join(named)})" if named else ""
     out.print(f"most like {' and '.join(nearest)}{of_names}")
     if len(nearest) > 1:
-        err.print("note: these recordings do not tell one from the other; record a conversation as well")
+        err.print("note: these recordings are the same in all of them; record a conversation as well")
 
 
 def _named(found: list[Comparisons]) -> list[str]:

@@ -70,7 +70,7 @@ def _flying(end_s: float) -> Iterator[tuple[Callable[[float], None], Callable[[]
 
 
 def _texts(record: LoopRecord) -> list[Text]:
-    return [(said.time_us * 1e-6, said.who, said.severity, said.text) for said in record.all_texts]
+    return [(text.time_us * 1e-6, text.who, text.severity, text.text) for text in record.all_texts]
 
 
 def _fly_simulated(seed: int, log_file: LogFile, firmware: Firmware, _choose: Choose) -> _Flown:

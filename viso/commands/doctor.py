@@ -75,14 +75,14 @@ def doctor(
         typer.Option(help="Rate of the UART whose transport time is modelled, 0 for none; captures default to 115200."),
     ] = None,
     heading: Annotated[
-        float, typer.Option(help="Where the vehicle points at first in degrees, if nothing tells its attitude.")
+        float, typer.Option(help="Where the vehicle points at first in degrees, if its attitude is not known.")
     ] = 0.0,
     filter_seconds: Annotated[
         float, typer.Option(help="For how long to run the filter, a model, over external navigation; it takes long.")
     ] = 120.0,
-    lead: Annotated[float, typer.Option(help="Seconds from boot to the first message, if the file does not tell.")] = (
-        30.0
-    ),
+    lead: Annotated[
+        float, typer.Option(help="Seconds from boot to the first message, if the file does not have it.")
+    ] = (30.0),
     session: Annotated[
         int | None,
         typer.Option(help="Which one, from 1, if the autopilot was rebooted; default that with most to look at."),
@@ -104,16 +104,16 @@ def doctor(
     ] = None,
     times: Annotated[Path | None, typer.Option(help="File with the times of KITTI's poses.", metavar="FILE")] = None,
 ) -> None:
-    """Tell what the autopilot would do with a stream of external navigation, and what to change.
+    """Report what the autopilot would do with a stream of external navigation, and what to change.
 
     The stream is tried on the autopilot in virtual time, on a vehicle that moves as it says. Parameters are those
-    given, else those found in the recording, else a set-up that fits the stream. What the autopilot itself says in the
-    recording, its attitude above all, is held against the stream. Each finding has a code, which the page on the doctor
+    given, else those of the recording, else a set-up that fits the stream. What the autopilot itself says in the
+    recording, its attitude above all, is compared with the stream. Each finding has a code, which the doctor's page
     explains.
 
     A trajectory, a bag or a topic is sent as it stands, with all that may be wrong with it; what it does not hold, such
     as how messages crossed a link, is passed over. If the autopilot was rebooted within a recording, one session
-    is looked at, and a note tells which.
+    is looked at, and a note says which.
 
     Exit code 1: there is an error (see --fail-on).
 

@@ -39,7 +39,7 @@ def ekf(
     core: Annotated[int | None, typer.Option(help="The core to run alone; all by default.", min=0, metavar="N")] = None,
     check: Annotated[bool, typer.Option("--check", help="Exit code 1 when a target is missed.")] = False,
 ) -> None:
-    """Run the filter over the replay records of a log (LOG_REPLAY), and tell how near it comes to the log's estimates.
+    """Run the filter over the replay records of a log (LOG_REPLAY), and compare it with the log's estimates.
 
     Each core is run with its own IMU and compared by itself; so is which of them is the primary one, and when.
     OUT.BIN has the parameters of the log, and the filter's texts, events and XKF records, these at the times of the

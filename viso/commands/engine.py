@@ -7,7 +7,7 @@ from viso.terminal.console import out
 
 
 def engine() -> None:
-    """Print the folder of viso_engine.hpp, which makes a program for viso vio --engine of an engine in C++.
+    """Print the folder of viso_engine.hpp, the header for engines in C++ that viso vio --engine runs.
 
     As in: g++ -std=c++17 -O2 -I "$(viso engine)" my_engine.cpp -o my_engine
 

@@ -63,7 +63,7 @@ def faults(
     """Put faults into a stream: as a proxy between two links, or from a recorded stream into a file.
 
     A and B are links as of viso serve --master. What comes from B goes to A untouched. Ctrl-C ends it, and what was
-    done is told. With -o, A is a file that viso replay reads; nothing is waited for.
+    done is shown. With -o, A is a file that viso replay reads; nothing is waited for.
 
     Example: seq -f '%g 0 0 -1 0 0 0 1' 0 .05 9 > poses.tum && viso faults poses.tum -o bad.tlog --fault "kind: nan"
     """
@@ -75,18 +75,18 @@ def faults(
     injector = Injector(chosen, seed)
     console = err if as_json else out
     if output is not None:
-        told = _through_file(ends, output, injector)
+        counts = _through_file(ends, output, injector)
     else:
-        told = _between_links(ends, injector, until, console, live=live and not as_json)
+        counts = _between_links(ends, injector, until, console, live=live and not as_json)
     tally = injector.tally()
     for row in tally.entries:
         if not row.done:
             err.print(f"note: entry {row.number} ({row.entry.kind}) happened to no message")
     if as_json:
-        out.print_json(data={**tally_as_dict(tally), **told})
+        out.print_json(data={**tally_as_dict(tally), **counts})
         return
     out.print(entry_table(tally), summary_line(tally))
-    for what, value in told.items():
+    for what, value in counts.items():
         out.print(f"{what.replace('_', ' ')}: {value}")
 
 

@@ -151,7 +151,7 @@ def landmarks(
         bool, typer.Option("--json", help="Print the innovations as lines of JSON, the figures last.")
     ] = False,
 ) -> None:
-    """Compare where landmarks and aircraft are seen with where they should be, and tell if heading or time is off.
+    """Compare landmarks and aircraft in pictures with their predicted places; report errors of heading and time.
 
     Nothing of this goes to the autopilot, but aircraft with --send-aircraft. Inputs are merged by time.
 

@@ -185,7 +185,7 @@ def play(
     ):
         within(option, value, low, high)
     if master is not None and output is not None:
-        raise InputError("--master and --output: one of the two")
+        raise InputError("--master and --output: use one of the two")
     if loop and output is not None and until is None:
         raise InputError("--loop: a log without an end needs --until")
     live_name = _live_topic(trajectory_file, ros2)
@@ -238,9 +238,9 @@ def play(
     else:
         _drive(to, lambda link, stop: LinkPlay(link, player, on_text=take, stop=stop, speedup=speedup))
     if as_json:
-        said = [text._asdict() for text in texts]
+        rows = [text._asdict() for text in texts]
         counts = {"records": len(recorded), "left_out": dict(recorded.left_out), "sent": dict(player.sent)}
-        out.print_json(data={**counts, "texts": said})
+        out.print_json(data={**counts, "texts": rows})
         return
     console.print(_table(player.sent))
     if output is not None:
@@ -282,8 +282,8 @@ def _drive(to: _To, make: Callable[[Link, Callable[[], bool]], _Run]) -> _Run:
             stack.enter_context(shown)
         if to.wait_s and not run.wait_for_vehicle(to.wait_s) and not stop:
             why = link.stats.unreached
-            told = f"no vehicle heard within {to.wait_s:g} s{f': {why}' if why else ''} (--wait 0 plays unheard)"
-            raise InputError(f"--master {to.name}: {told}")
+            reason = f"no vehicle heard within {to.wait_s:g} s{f': {why}' if why else ''} (--wait 0 plays unheard)"
+            raise InputError(f"--master {to.name}: {reason}")
         before = link.stats.bytes_dropped  # a heartbeat may have been ahead of the connection
         run.run(to.until_us)
         stats = link.stats

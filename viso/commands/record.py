@@ -32,7 +32,7 @@ def record(
     allow_armed: Annotated[bool, typer.Option("--allow-armed", help="Record a vehicle that is armed.")] = False,
     speedup: Annotated[
         float | None,
-        typer.Option(help="Seconds of the autopilot in one second; default what its clock tells."),
+        typer.Option(help="Seconds of the autopilot in one second; default as its clock runs."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
 ) -> None:

@@ -82,13 +82,13 @@ def replay(
         ),
     ],
     with_filter: Annotated[
-        bool, typer.Option("--ekf", help="Tell what the filter makes of the stream; then --imu is follow by default.")
+        bool, typer.Option("--ekf", help="Show what the filter makes of the stream; then --imu is follow by default.")
     ] = False,
     changed: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
-            help="Replay twice, without and with this parameter, and tell what differs; repeatable.",
+            help="Replay twice, without and with this parameter, and show what differs; repeatable.",
             metavar="NAME=VALUE",
         ),
     ] = None,
@@ -115,7 +115,7 @@ def replay(
     firmware: RecordedFirmwareOption = None,
     versus: Annotated[
         str | None,
-        typer.Option(help="Replay twice, as --firmware and as this one, and tell what differs.", metavar="PROFILE"),
+        typer.Option(help="Replay twice, as --firmware and as this one, and show what differs.", metavar="PROFILE"),
     ] = None,
     baud: Annotated[
         int | None,
@@ -151,21 +151,20 @@ def replay(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the counts as JSON.")] = False,
 ) -> None:
-    """Feed a recorded stream to the autopilot at its arrival times, and tell the outcome of each message.
+    """Feed a recorded stream to the autopilot at its arrival times, and report the outcome of each message.
 
     Without --ahrs, --imu and --ekf the vehicle stands still, level, with the given heading. A line of --records holds
     arrival_us, type, out (the VISO, VISP and VISV records, floats as hex bits) and verdict.
 
     With --ekf the vehicle moves as the stream says, as far as a vehicle can. Parameters that neither the recording nor
-    the command line tells are assumed so that the stream can be used, and that is told; so is why nothing was fused.
-    It is told what the filter, a model of
-    EKF3, makes of each sample, how far off samples are, and when it navigates. A line of --records then has filter as
-    well: the outcome of the message's samples.
+    the command line has are assumed so that the stream can be used, and named; so is why nothing was fused. The
+    output shows what the filter, a model of EKF3, makes of each sample, how far off samples are, and when it navigates.
+    A line of --records then has filter as well: the outcome of the message's samples.
 
     With --imu log the vehicle does what the vehicle of a DataFlash log did, and the filter is watched as with --ekf: by
     replay records, else by IMU records, else by what the filter believed then; log:FILE takes another log than STREAM.
 
-    With --set the stream is replayed twice, and what differs is told: counts, the first messages that fare otherwise,
+    With --set the stream is replayed twice, and what differs is shown: counts, the first messages that end otherwise,
     texts, and when the filter navigates; at the end, figures of merit of both. Both vehicles have their parameters from
     boot on. With --versus the two are different firmware, and the errors that they work out are compared as well, with
     --ekf the innovations too; what is known to differ between them is told at the end, and since when.
@@ -216,7 +215,7 @@ def replay(
     _note(stream, judged_by, outcomes[0], needing_reboot(changes, links=1, firmware=profile))
     if assumed:
         named = ", ".join(f"{parameter.name}={parameter.value:g}" for parameter in assumed)
-        err.print(f"note: nothing tells these parameters; assumed so that the stream can be used: {named}")
+        err.print(f"note: these parameters are not known; assumed so that the stream can be used: {named}")
     for line in judges[0].notes:
         err.print(f"note: {line}")
     if changes:
@@ -233,7 +232,7 @@ def replay(
     elif as_json:
         out.print_json(data={"stream": stream.name, **judged_by.as_dict(), **_as_dict(outcomes[0])})
     else:
-        _tell(outcomes[0])
+        _print_outcome(outcomes[0])
         out.print(str(judged_by))
     if with_filter and (reason := why_nothing_fused(outcomes[-1])):
         err.print(f"note: nothing of external navigation was fused: {reason}")
@@ -324,16 +323,16 @@ def _note(stream: Stream, judged_by: JudgedBy, outcome: ReplayOutcome, at_boot: 
 
 
 def _as_dict(outcome: ReplayOutcome) -> dict[str, object]:
-    texts = [said._asdict() for said in outcome.texts]
-    told: dict[str, object] = {"verdicts": verdict_rows(outcome.verdicts), "texts": texts}
+    texts = [text._asdict() for text in outcome.texts]
+    result: dict[str, object] = {"verdicts": verdict_rows(outcome.verdicts), "texts": texts}
     if outcome.innovations is not None and outcome.aiding is not None:
-        told["filter"] = filter_report.filter_rows(outcome.filter_counts)
-        told["innovations"] = filter_report.innovation_rows(outcome.innovations)
-        told["aiding"] = filter_report.aiding_rows(outcome.aiding)
-    return told
+        result["filter"] = filter_report.filter_rows(outcome.filter_counts)
+        result["innovations"] = filter_report.innovation_rows(outcome.innovations)
+        result["aiding"] = filter_report.aiding_rows(outcome.aiding)
+    return result
 
 
-def _tell(outcome: ReplayOutcome) -> None:
+def _print_outcome(outcome: ReplayOutcome) -> None:
     for time_us, severity, text in outcome.texts:
         out.print(f"{time_us / 1e6:9.3f} s  ({severity}) {text}")
     if outcome.innovations is None or outcome.aiding is None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``viso report``: what a flight's log tells of external navigation."""
+"""``viso report``: what a flight's log holds about external navigation."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -55,11 +55,11 @@ def report(
     ] = None,
     firmware: RecordedFirmwareOption = None,
 ) -> None:
-    """Tell what a log of a flight holds about external navigation, as a page with figures.
+    """Report what a flight's log holds about external navigation, as a page with figures.
 
     The log may be of ArduPilot or of viso. Without any option the page is written to the current folder, under the
     name of the log. It needs no other file and no network. Records that the log does not have are named, and are no
-    error. Parameters are held against the defaults of --firmware. Figures take the extra plot, MCAP takes the extra
+    error. Parameters are compared with the defaults of --firmware. Figures take the extra plot, MCAP takes the extra
     bags, --web the extra web.
 
     Example: viso demo --camera simulated && viso report logs/00000001.BIN --tum flight.tum

@@ -57,14 +57,14 @@ DEFAULT_LINKS = ("tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550")
 def _tell_of_links(links: Sequence[Link], takers: Sequence[Callable[[str, str], None]]) -> None:
     """Report present peers, and from now on those that come and go, with the name of the link."""
 
-    def tell(link: str, news: str) -> None:
+    def report_news(link: str, news: str) -> None:
         for take in takers:
             take(link, news)
 
     for link in links:
-        link.news.tell(partial(tell, link.name))
+        link.news.tell(partial(report_news, link.name))
         for peer in link.peer_names:
-            tell(link.name, f"{peer} connected")
+            report_news(link.name, f"{peer} connected")
 
 
 def _open_streams(kind: VerdictFormat | None, file: Path | None, stack: ExitStack) -> list[VerdictStream]:
@@ -172,9 +172,9 @@ def serve(
     live: Annotated[bool, typer.Option(help="Show the counts while they grow, on a terminal.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the closing counts as JSON.")] = False,
 ) -> None:
-    """Be the autopilot: a vehicle that takes external navigation, estimates its state and answers as ArduCopter does.
+    """Run the autopilot: a vehicle that takes external navigation, estimates its state and answers as ArduCopter.
 
-    It stands still unless --imu tells otherwise; with --imu fly it obeys a companion in GUIDED, and a pilot's sticks.
+    It stands still unless --imu moves it; with --imu fly it obeys a companion in GUIDED, and a pilot's sticks.
     External navigation is off until VISO_TYPE is set. Ctrl-C closes the log and ends with tables of the outcome of
     each message, and of each sample in the filter; the filter is a model of EKF3, and what it decides is marked as a
     model's. The exit code is 1 if anything that was to be kept is lost.

@@ -122,7 +122,7 @@ def sweep(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print all results as JSON.")] = False,
 ) -> None:
-    """Replay recorded streams many times with other parameters, faults, seeds or firmware, and tell what is best.
+    """Replay recorded streams many times with other parameters, faults, seeds or firmware, and report the best.
 
     Each point is a replay as of viso replay --ekf. With -o, FOLDER gets results.parquet, results.csv and plot.png; what
     is done is kept, whatever ends the command. Exit code 1 if a point could not be worked out.
@@ -261,5 +261,5 @@ def _tell(
     failed = [{"point": failure.number, "error": failure.error} for failure in failures]
     best = [best_as_dict(plan, best_point, objective) for best_point in bests]
     rows = [{name: value for name, value in row.items() if name != BY_TIME} for row in rows]
-    told = {"points": plan.size, "objective": objective, "axis": swept_axis(plan), "best": best}
-    out.print_json(data={**told, "failed": failed, "rows": rows})
+    result = {"points": plan.size, "objective": objective, "axis": swept_axis(plan), "best": best}
+    out.print_json(data={**result, "failed": failed, "rows": rows})

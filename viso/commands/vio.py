@@ -149,7 +149,7 @@ def vio(
     live: Annotated[bool, typer.Option(help="Show each frame's figures, on a terminal.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the closing figures as JSON.")] = False,
 ) -> None:
-    """Work out from pictures and inertial data where a vehicle is, and send it to the autopilot if there is one.
+    """Estimate a vehicle's position from pictures and inertial data, and send it to the autopilot if there is one.
 
     Exit code 1 if it had lost its way at the end. Ctrl-C ends it; what was done until then is written all the same.
 

@@ -132,7 +132,7 @@ def replay_tables(comparison: ReplayComparison, *, with_filter: bool) -> Iterato
     if comparison.aiding_before or comparison.aiding_after:
         yield _aiding_table(comparison)
     if not (comparison.verdicts or comparison.samples or comparison.messages):
-        where = "" if with_filter else "; --ekf tells what the filter makes of it"
+        where = "" if with_filter else "; --ekf shows what the filter makes of it"
         yield f"no verdict differs{where}"
     if (flow := comparison.flow) is not None:
         sides = f"{flow.rms_before:.3g} rad/s before, {flow.rms_after:.3g} after (root mean square)"

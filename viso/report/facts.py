@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Numbers that a report tells: what came, how regularly, what was withheld, and what the EKF did with it."""
+"""Numbers of a report: what came, how regularly, what was withheld, and what the EKF did with it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ _KINDS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class KindFacts:
-    """Outcome of one kind of measurement, as far as the log can tell.
+    """Outcome of one kind of measurement, as far as the log shows.
 
     Attributes:
         withheld_for: how many were withheld from the EKF, by each reason of ``withheld_why``.
@@ -71,10 +71,10 @@ class Reset:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a report tells.
+    """The contents of a report.
 
     Attributes:
-        start_s, end_s: from when to when the log tells of vision, of the EKF or in words.
+        start_s, end_s: the time over which the log has vision, the EKF or texts.
         kinds: the outcome of each kind of measurement.
         arrivals_s: the times at which measurements of any kind were logged, each once.
         gaps: from when to when nothing came for longer than UNHEALTHY_S.
@@ -86,7 +86,7 @@ class Facts:
         over_gate: from when to when a test ratio of velocity, position, height or yaw was over 1.
         worst_ratio: the largest of these square roots of test ratios; NaN if the log has none.
         differences: vision less EKF.
-        own: what the vehicle's own filter said.
+        own: what the vehicle's own filter reported.
         findings: what the doctor finds without a trial, so that no model has a say.
         parameters: that differ from defaults.
         judged_by: the release whose defaults those are.
@@ -161,13 +161,13 @@ def facts_of(material: Material, given: Firmware | None = None) -> Facts:
 
 
 def _findings(evidence: Evidence) -> list[Finding]:
-    """Return what the doctor finds, but nothing of a model, and nothing of parameters that the log does not tell."""
+    """Return what the doctor finds, but nothing of a model, and nothing of parameters that the log does not have."""
     checks = [check for check in all_checks() if check.witness is not Witness.MODEL]
     return diagnose(evidence, [check for check in checks if not (evidence.set_up.assumed and check.family == "XN7")])
 
 
 def positioned_at(own: OwnFilter, at_s: Array) -> Mask:
-    """Return at which times the EKF said that it has a position; at all of them if the log does not tell."""
+    """Return at which times the EKF said that it has a position; at all of them if the log does not show it."""
     if not len(own.time_us):
         return np.ones(len(at_s), dtype=np.bool_)
     latest = np.maximum(np.searchsorted(own.time_us * 1e-6, at_s, side="right") - 1, 0)
@@ -186,7 +186,7 @@ def withheld_why(material: Material, series: Series) -> dict[str, Mask]:
     return {
         "low quality": low,
         "the second after a reset": after_reset,
-        "a reason that the log does not tell": withheld & ~low & ~after_reset,
+        "a reason that the log does not show": withheld & ~low & ~after_reset,
     }
 
 

@@ -40,7 +40,7 @@ _PROGRESS_EVERY: Final = 500
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """Something that a log tells at a time.
+    """A text, a mode, an event or an error in a log.
 
     Attributes:
         time_s: since boot.

@@ -117,7 +117,7 @@ def _verdicts(facts: Facts) -> str:
         + table(head, rows, (2, 3, 4, 5, 6, 7))
         + '\n<p class="soft">A record is a message that the driver took. Messages that were dropped before, for their '
         "frames or their checksum, are in no log. Given is what went to the EKF, which may pass it over when it comes "
-        "within 20 ms of the one before, or reject it: the test ratios tell.</p>\n"
+        "within 20 ms of the one before, or reject it, as the test ratios show.</p>\n"
         + (f"<details><summary>{len(facts.resets)} resets</summary>{resets}</details>" if facts.resets else "")
     )
 

@@ -27,7 +27,7 @@ class ChangedParameter:
     Attributes:
         name: of it.
         value: at the end of the log.
-        log_default: as the log tells it, which may come from a file of defaults; NaN if it tells none.
+        log_default: as the log has it, which may come from a file of defaults; NaN if it has none.
         firmware_default: of this project's table; NaN if that has none of the name.
         changes: when, in s, it became what.
     """
@@ -46,7 +46,7 @@ class ChangedParameter:
 
 @dataclass(frozen=True, slots=True)
 class ParameterFacts:
-    """What a log tells of parameters.
+    """The parameters of a log.
 
     Attributes:
         changed: those that differ from the default or have changed, in the order of their names.

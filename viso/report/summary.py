@@ -80,7 +80,7 @@ def _count(kind: KindFacts) -> str:
 
 def _outcome(material: Material, facts: Facts) -> str:
     if not len(material.xkf4):
-        return "what the EKF made of it the log does not tell"
+        return "the log does not show what the EKF made of it"
     if not facts.positioned:
         velocity = f", but a velocity for {total_s(facts.moving):.1f} s" if facts.moving else ""
         return f"the EKF never had a horizontal position{velocity}"
@@ -105,7 +105,7 @@ def _remarks(material: Material, facts: Facts) -> Iterator[Remark]:
 
 
 def _of_filter(material: Material, facts: Facts) -> Iterator[Remark]:
-    """Yield what the vehicle's own filter said, and errors that the doctor finds, in the doctor's words."""
+    """Yield what the vehicle's own filter reported, and errors that the doctor finds, in the doctor's words."""
     own_findings = [finding for finding in facts.findings if finding.code in OWN_CODES]
     for own_finding in own_findings:
         yield Remark(Level.BAD if own_finding.severity is Severity.ERROR else Level.WARNING, _as_remark(own_finding))
@@ -141,7 +141,7 @@ def _unjudged(facts: Facts) -> str:
         return "The log has no test ratios: whether the EKF agreed is not known."
     if not own.uses_extnav.any():
         if not own.is_source_known(POSITION).any():
-            return "The log does not tell what the EKF navigated by: its test ratios may be of other sensors."
+            return "The log does not show what the EKF navigated by: its test ratios may be of other sensors."
         return "The EKF did not navigate by external navigation, so its test ratios say nothing about it."
     return ""
 

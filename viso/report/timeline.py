@@ -105,7 +105,7 @@ def chosen(happenings: Sequence[Happening]) -> tuple[list[Happening], int]:
 
 
 def _rank(happening: Happening) -> int:
-    """Return how little something tells of external navigation; what each core of the EKF says, one may say for all."""
+    """Return a rank: 0 is nearest to external navigation, and texts of further cores of the EKF come last."""
     if happening.kind == "text":
         of_another_core = re.search(r"IMU[1-9]", happening.text) is not None
         return 3 if of_another_core else 0 if any(word in happening.text for word in _TELLING) else 2

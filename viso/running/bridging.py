@@ -30,7 +30,7 @@ SECOND_WRITER: Final = "another sender, beside the one that is listened to"
 
 
 class Bridge:
-    """Tells an autopilot of the poses of a topic, for as long as it is run.
+    """Sends the poses of a topic to an autopilot, for as long as it is run.
 
     One sender is listened to. Where it falls silent and another speaks, as after a restart, the frame may be another:
     the reset counter counts up.
@@ -162,7 +162,7 @@ def _spread_ms(values_ns: deque[int]) -> dict[str, float] | None:
 
 
 def delay_lines(summary: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what a summary tells of time, in sentences."""
+    """Yield the sentences of a summary about time."""
     if summary["round_trip_ms"] is not None:
         yield f"To the autopilot and back, by TIMESYNC: {summary['round_trip_ms']:.1f} ms at best."
     for since, name in (("publishing", "bridge_ms"), ("the stamp", "age_ms")):

@@ -54,5 +54,5 @@ class Scheduler:
             raise ValueError(f"time {time_us} us has passed, it is {self.now_us} us")
 
     def deliver(self, channel: Channel, data: bytes, *, read_us: int | None = None) -> None:
-        """Hand bytes to the vehicle now; ``read_us`` tells when the link was read, if earlier."""
+        """Hand bytes to the vehicle now; ``read_us`` is when the link was read, if earlier."""
         self._vehicle.receive_bytes(channel, data, read_us)

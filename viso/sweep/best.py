@@ -10,7 +10,7 @@ from viso.compare.merit import surplus
 from viso.replay.figures import LOWER_IS_BETTER
 
 RESOLUTIONS: Final[Mapping[str, float]] = {"VISO_DELAY_MS": 12.5}
-"""What the filter cannot tell apart whatever the samples say: a step of it, in ms."""
+"""A difference that the filter cannot resolve whatever the samples are: a step of it, in ms."""
 
 GROUPED_BY: Final = ("stream", "firmware", "faults", "seed")
 

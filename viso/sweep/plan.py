@@ -96,7 +96,7 @@ class SweepPlan:
         sampling: None for a grid.
         baud: rate of the modelled UART, 0 for none; None for the recording's.
         imu_errors: what is wrong with the sensors, each NAME=VALUE.
-        lead_s: from boot to the first message where a recording does not tell.
+        lead_s: from boot to the first message where a recording does not have it.
         until_s: where replays end, since boot; infinite for the end of the stream.
         code: the version of the programs that work it out.
     """

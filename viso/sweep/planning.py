@@ -181,7 +181,7 @@ def _sampling(request: SweepRequest) -> Sampling | None:
     if request.sample not in SAMPLINGS:
         raise InputError(f"--sample {request.sample}: there are {', '.join(SAMPLINGS)}")
     if request.points is None:
-        raise InputError(f"--sample {request.sample}: --points tells how many")
+        raise InputError(f"--sample {request.sample}: --points sets how many")
     points, seed = _at_least("--points", request.points, 1), _at_least("--sample-seed", request.sample_seed, 0)
     return Sampling(request.sample, points or 1, seed or 0)
 

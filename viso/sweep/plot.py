@@ -47,7 +47,7 @@ def _label(name: str) -> str:
 
 
 def _groups(plan: SweepPlan, rows: Sequence[Row], but: Sequence[str]) -> dict[str, list[Row]]:
-    """Return the rows by all that tells them apart but some axes."""
+    """Group the rows by all in which they differ but some axes."""
     names = [name for name in changed_columns(plan) if name not in but]
     groups: dict[str, list[Row]] = {}
     for row in rows:

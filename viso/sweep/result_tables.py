@@ -32,7 +32,7 @@ def swept_axis(plan: SweepPlan) -> str | None:
 
 
 def changed_columns(plan: SweepPlan) -> list[str]:
-    """Return the columns that tell points apart."""
+    """Return the columns in which points differ."""
     lists = zip(GROUPED_BY, (plan.recordings, plan.firmware, plan.faults, plan.seeds), strict=True)
     return [*(name for name, members in lists if len(members) > 1), *(axis.name for axis in plan.axes)]
 
@@ -93,7 +93,7 @@ def _chance(best: Best, axis: str) -> str:
     if best.alike is None:
         return ""
     if not best.stands_out:
-        return f"; no value is worse by more than chance ({SIGMAS:g} deviations): this material does not tell {axis}"
+        return f"; no value is worse by more than chance ({SIGMAS:g} deviations): this material does not show {axis}"
     low, high = best.alike
     step = f", or a step of the filter, {RESOLUTIONS[axis]:g} ms" if axis in RESOLUTIONS else ""
     return "" if low == high else f"; {low:g} to {high:g} are not told apart ({SIGMAS:g} deviations{step})"

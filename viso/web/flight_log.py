@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A flight's log in the page of the live view: what the log does not tell is null, or left out, and is never 0."""
+"""A flight's log in the page of the live view: what the log does not have is null, or left out, and is never 0."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -215,7 +215,7 @@ def _aiding(flags: int) -> str:
 
 
 class _Counted:
-    """Counts the records of a kind; how many messages were dropped, or fused, no log tells."""
+    """Counts the records of a kind; no log has how many messages were dropped or fused."""
 
     def __init__(self, name: str, series: Series) -> None:
         self._name, self._time_s, self._tells_ignored = name, series.time_s, series.has("Ign")
@@ -239,7 +239,7 @@ class _Counted:
 
 
 def _runs(material: Material) -> list[dict[str, Any]]:
-    """Return the outcome of measurements, as far as Ign tells."""
+    """Return the outcome of measurements, as far as Ign shows it."""
     outcomes: list[tuple[float, str, str]] = []
     for name, series in zip(_RECORDS, material.vision, strict=True):
         why = np.full(len(series), "", dtype=object)

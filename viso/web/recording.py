@@ -15,7 +15,7 @@ from viso.web.requests import RequestQueue
 
 MOST_POINTS: Final = 6000
 MOMENT_S: Final = 1.0
-"""How far apart the moments are at which a recording tells the vehicle's state and rates."""
+"""The interval at which a recording has the vehicle's state and rates."""
 
 
 def recording(everything: Mapping[str, Any], moments: list[dict[str, Any]]) -> dict[str, Any]:

@@ -93,7 +93,7 @@ ACTIONS: Final = (
         "align", "Align yaw", "Turn the camera's yaw to the vehicle's (auxiliary function 80).", "y",
         MavCmd.DO_AUX_FUNCTION, (_ALIGN_YAW, _SWITCH_HIGH),
     ),
-    Action("check", "Check", "Make all pre-arm checks, and tell what fails.", "c", MavCmd.RUN_PREARM_CHECKS),
+    Action("check", "Check", "Make all pre-arm checks, and report what fails.", "c", MavCmd.RUN_PREARM_CHECKS),
     Action("arm", "Arm", "Arm, if the checks pass; there are no motors.", "a", MavCmd.COMPONENT_ARM_DISARM, (1.0,)),
     Action("disarm", "Disarm", "Disarm.", "d", MavCmd.COMPONENT_ARM_DISARM, (0.0,)),
     Action("source1", "Source 1", "Navigate by the first set, EK3_SRC1.", "1", MavCmd.SET_EKF_SOURCE_SET, (1.0,)),
@@ -111,7 +111,7 @@ _RESULTS: Final[Mapping[int, str]] = MappingProxyType(
         MavResult.TEMPORARILY_REJECTED: "not now",
         MavResult.DENIED: "denied",
         MavResult.UNSUPPORTED: "not supported",
-        MavResult.FAILED: "refused; the texts tell why",
+        MavResult.FAILED: "refused; the texts say why",
     }
 )
 

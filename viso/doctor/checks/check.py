@@ -47,7 +47,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """What a check has seen in the evidence.
+    """What a check has found in the evidence.
 
     Attributes:
         text: what it is, in a sentence without its full stop.

@@ -52,11 +52,11 @@ LOST_SHARE: Final = 0.02
 # XN2: frames and axes.
 
 FITS_CORRELATION: Final = 0.9
-"""Below it velocities and path do not fit well enough to tell axes or scale."""
+"""Below it velocities and path do not fit well enough to show axes or scale."""
 BETTER_CORRELATION: Final = 0.01
 """A more complicated mix-up has to fit better by this, or noise would choose it."""
 HEADING_TURNED_RAD: Final = math.radians(8)
-"""Less cannot be told from noise, or from a right angle, which is a matter of axes."""
+"""Less cannot be distinguished from noise, or from a right angle, which is a matter of axes."""
 ZERO_SPEED_SHARE: Final = 0.02
 """Of the speed of the path: velocities below it are not filled in."""
 LEAST_CLIMB_M: Final = 0.5
@@ -240,7 +240,7 @@ FARTHEST_M: Final = 1e9
 NONSENSE_M_S: Final = 1e5
 """Velocities beyond it are no numbers to compute with."""
 FEWEST_COMPARED: Final = 40
-"""Of fewer messages no likeness of two paths can be told."""
+"""Of fewer messages the likeness of two paths is not known."""
 SUMMED_GAP_S: Final = 0.5
 """Velocities are not summed over longer gaps."""
 SHORTEST_COMPARED_US: Final = 3_000_000
@@ -369,7 +369,7 @@ RANGE_STUCK_CLIMB_M: Final = 1.0
 RANGE_CLIMB_M: Final = 1.5
 """In a smaller climb the barometer's noise hides the scale."""
 RANGE_ALIKE_CORRELATION: Final = 0.97
-"""Over uneven ground ranges and heights are less alike, and tell no scale."""
+"""Over uneven ground ranges and heights are less alike, and show no scale."""
 RANGE_SCALE_OFF: Final = 0.3
 """A slope of the ground does as much."""
 OUTLIER_M: Final = 0.5

@@ -34,7 +34,7 @@ POSITION_CODES: Final = frozenset({"XN9-15", "XN9-16"})
 """Of a position that the filter did not have."""
 
 OWN_CODES: Final = RATIO_CODES | POSITION_CODES | {"XN9-12", "XN9-13"}
-"""Of what the vehicle's own filter and status said."""
+"""Of what the vehicle's own filter and status reported."""
 
 _FUSE: Final = "AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::FuseVelPosNED; AP_NavEKF3_MagFusion.cpp, fuseEulerYaw"
 _CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"

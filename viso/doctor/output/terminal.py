@@ -93,10 +93,10 @@ def _aiding_line(summary: Summary) -> str:
 def _own_line(summary: Summary) -> str:
     own = summary.own
     if own is None:
-        return "What the vehicle's own filter made of it is not recorded: nothing here is held against a real flight."
+        return "What the vehicle's own filter made of it is not recorded: nothing here is compared with a real flight."
     by = {name: f" ({source})" for name, source in own.sources.items()}
     ratios = ", ".join(f"{name} {value:.2f}{by.get(name, '')}" for name, value in own.worst.items())
     return (
         f"The vehicle's own filter ({own.witness.value}, {own.record}) navigated by external navigation for "
-        f"{own.positioned_s:.1f} of {own.running_s:.1f} s; largest test ratios: {ratios or 'none told'}."
+        f"{own.positioned_s:.1f} of {own.running_s:.1f} s; largest test ratios: {ratios or 'none recorded'}."
     )

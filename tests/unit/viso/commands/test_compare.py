@@ -307,7 +307,7 @@ def test_folder_without_recordings_and_contradiction_are_one_line(viso: Viso, tm
     empty = tmp_path / "empty"
     empty.mkdir()
     assert viso("compare", empty).code == 2
-    complaint = "--which and --firmware: one of them tells which firmware to be"
+    complaint = "--which and --firmware: use one of the two"
     assert failed_with(viso("compare", empty, "--which", "--firmware", "4.6"), complaint)
 
 

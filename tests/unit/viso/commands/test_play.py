@@ -218,7 +218,7 @@ def test_link_that_cannot_be_opened_is_one_line(viso: Viso) -> None:
         (["--speedup", "inf"], "--speedup inf: not between 0.01 and 1000"),
         (["--quality", "101"], "--quality 101: not between -1 and 100"),
         (["--until", "-1"], "--until -1: not between 0 and 4e+09"),
-        (["--master", "tcp:127.0.0.1:1"], "--master and --output: one of the two"),
+        (["--master", "tcp:127.0.0.1:1"], "--master and --output: use one of the two"),
         (["--loop"], "--loop: a log without an end needs --until"),
     ],
 )

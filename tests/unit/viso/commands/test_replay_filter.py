@@ -84,7 +84,7 @@ def replayed(viso: Viso, *args: str | Path) -> dict[str, Any]:
 
 
 ASSUMED = (
-    "note: nothing tells these parameters; assumed so that the stream can be used: GPS1_TYPE=0, EK3_SRC1_POSXY=6, "
+    "note: these parameters are not known; assumed so that the stream can be used: GPS1_TYPE=0, EK3_SRC1_POSXY=6, "
     "EK3_SRC1_VELXY=0, EK3_SRC1_POSZ=1, EK3_SRC1_VELZ=0, EK3_SRC1_YAW=6\n"
 )
 

@@ -68,7 +68,7 @@ def test_same_settings_differ_in_nothing() -> None:
     recorded = stream(90, 10)
     comparison = compare_replays(run(recorded), run(recorded))
     assert comparison == ReplayComparison([], [], [], None, 0, [], [], [], [], [])
-    assert printed(comparison) == "no verdict differs; --ekf tells what the filter makes of it\n"
+    assert printed(comparison) == "no verdict differs; --ekf shows what the filter makes of it\n"
     assert printed(comparison, with_filter=True) == "no verdict differs\n"
 
 

@@ -92,7 +92,7 @@ def test_log_without_ekf_says_so(maker: LogMaker, tmp_path: Path) -> None:
         maker.add("VISV", 1 + number * 0.1, VX=1.0)
     sentence, remarks, absent = sentences(maker, tmp_path)
     assert sentence.endswith(
-        "20 velocities at 10 Hz; what the EKF made of it the log does not tell; nothing in the log can judge it."
+        "20 velocities at 10 Hz; the log does not show what the EKF made of it; nothing in the log can judge it."
     )
     assert remarks == ["The log has no XKF4: what the EKF made of it is not known. That is no sign that it went well."]
     assert "No PARM: parameters are unknown; VISO_DELAY_MS is taken to be 10." in absent
@@ -120,7 +120,7 @@ def test_velocity_without_position_is_told(maker: LogMaker, tmp_path: Path) -> N
         "the EKF never had a horizontal position, but a velocity for 1.9 s; nothing in the log can judge it."
         in sentence
     )
-    assert remarks == ["The log does not tell what the EKF navigated by: its test ratios may be of other sensors."]
+    assert remarks == ["The log does not show what the EKF navigated by: its test ratios may be of other sensors."]
 
 
 def test_loss_in_flight_failsafe_and_refused_arming_are_told(maker: LogMaker, tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ def test_loss_in_flight_failsafe_and_refused_arming_are_told(maker: LogMaker, tm
         "The EKF was without a horizontal position for 0.9 s while armed.",
         'Arming was refused for vision once, at last "PreArm: VisOdom: not healthy".',
         "Nothing came in the last 1.0 s of the log, armed.",
-        "The log does not tell what the EKF navigated by: its test ratios may be of other sensors.",
+        "The log does not show what the EKF navigated by: its test ratios may be of other sensors.",
     ]
 
 

@@ -25,7 +25,7 @@ from viso.sweep.plan import Faults, Sampling
     ({"set": ["VISO_DELAY_MS=0:9"]}, "--set VISO_DELAY_MS=0:9: a grid needs a step"),
     ({"set": ["faults.1.probability=0,1"]}, "--set faults.1.probability: there is no timeline"),
     ({"sample": "dice"}, "--sample dice: there are random, latin"),
-    ({"sample": "latin"}, "--sample latin: --points tells how many"),
+    ({"sample": "latin"}, "--sample latin: --points sets how many"),
     ({"sample": "latin", "points": 0}, "--points 0: not 1 or more"),
     ({"sample": "latin", "points": 1, "sample_seed": -1}, "--sample-seed -1: not 0 or more"),
     ({"points": 3}, "--points: goes with --sample"),

@@ -76,7 +76,7 @@ def test_plateau_is_told() -> None:
 
 @pytest.mark.parametrize(("noise", "told"), [
     (0.02, "10 to 30 are not told apart (2 deviations, or a step of the filter, 12.5 ms). Corrected stamps are"),
-    (9.0, "no value is worse by more than chance (2 deviations): this material does not tell VISO_DELAY_MS"),
+    (9.0, "no value is worse by more than chance (2 deviations): this material does not show VISO_DELAY_MS"),
 ])  # fmt: skip
 def test_chance_is_told(noise: float, told: str) -> None:
     plan = made_plan(DELAY)

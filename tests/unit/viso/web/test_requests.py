@@ -55,7 +55,7 @@ def test_parameter_that_cannot_be_set_is_told_as_the_firmware_sees_it(
 def test_arming_that_is_refused_says_so_and_why_in_the_texts(make_bench: Callable[..., Bench]) -> None:
     bench = make_bench(VISO_TYPE=1)
     answer = ask(bench, do="action", name="arm")
-    assert (answer.ok, answer.text) == (False, "Arm: refused; the texts tell why")
+    assert (answer.ok, answer.text) == (False, "Arm: refused; the texts say why")
     assert any(text.startswith("Arm: ") for *_, text in bench.texts)
 
 
