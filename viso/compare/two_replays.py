@@ -288,12 +288,12 @@ def _text_changes(before: Sequence[SaidText], after: Sequence[SaidText]) -> list
     """Pair equal texts, regardless of texts in between: parameters change times, and with them the order."""
     times: defaultdict[tuple[int, str], tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))
     for index, texts in enumerate((before, after)):
-        for said in texts:
-            times[said.severity, said.text][index].append(said.time_us)
+        for item in texts:
+            times[item.severity, item.text][index].append(item.time_us)
     changes = [
         TextChange(severity, text, *pair)
         for (severity, text), both in times.items()
         for pair in zip_longest(*both)
         if pair[0] != pair[1]
     ]
-    return sorted(changes, key=lambda said: min(time for time in (said.before_us, said.after_us) if time is not None))
+    return sorted(changes, key=lambda item: min(time for time in (item.before_us, item.after_us) if time is not None))

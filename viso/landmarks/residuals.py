@@ -128,9 +128,9 @@ def aircraft_residuals(
 
 
 def _residuals(
-    seen: Sequence[Detection], ids: Sequence[str], projection: Projection, ranges_m: Sequence[float]
+    detections: Sequence[Detection], ids: Sequence[str], projection: Projection, ranges_m: Sequence[float]
 ) -> Residuals:
-    first, duplicates = first_of_each(seen)
+    first, duplicates = first_of_each(detections)
     places = {name: index for index, name in enumerate(ids)}
     predicted, in_image = projection.uv_px.tolist(), projection.in_image.tolist()
     innovations, unmatched, not_projected = [], [], []

@@ -134,17 +134,17 @@ class Scene:
     has_detections: bool = True
 
 
-def make_scene(number: int, situation: Situation, seen: Detections, *, has_detections: bool = True) -> Scene:
+def make_scene(number: int, situation: Situation, detections: Detections, *, has_detections: bool = True) -> Scene:
     """Predict all known landmarks and aircraft, and compare with the detections."""
     camera, pose, odometry = situation.camera, situation.pose, situation.odometry
     return Scene(
-        seen.t_s,
+        detections.t_s,
         number,
         situation,
-        _landmark_marks(situation, seen.landmarks),
-        _aircraft_marks(situation, seen.aircraft),
-        landmark_residuals(camera, pose, situation.landmarks, seen),
-        aircraft_residuals(camera, pose, situation.states, seen, odometry),
+        _landmark_marks(situation, detections.landmarks),
+        _aircraft_marks(situation, detections.aircraft),
+        landmark_residuals(camera, pose, situation.landmarks, detections),
+        aircraft_residuals(camera, pose, situation.states, detections, odometry),
         has_detections,
     )
 
@@ -167,11 +167,11 @@ def horizon(situation: Situation) -> tuple[Pixel, Pixel] | None:
     return ((left_u, left_v), (right_u, right_v)) if is_inside else None
 
 
-def _landmark_marks(situation: Situation, seen: Sequence[Detection]) -> tuple[Mark, ...]:
+def _landmark_marks(situation: Situation, detections: Sequence[Detection]) -> tuple[Mark, ...]:
     camera_x, camera_y, _ = situation.camera_xyz.tolist()
     points = np.array([(landmark.x_m, landmark.y_m, landmark.z_m) for landmark in situation.landmarks]).reshape(-1, 3)
     predicted, inside = _pixels(project(situation.camera, situation.pose, points, LANDMARK_NEAREST_M))
-    actual = _places(seen)
+    actual = _places(detections)
     return tuple(
         Mark(
             landmark.id,
@@ -186,7 +186,7 @@ def _landmark_marks(situation: Situation, seen: Sequence[Detection]) -> tuple[Ma
     )
 
 
-def _aircraft_marks(situation: Situation, seen: Sequence[Detection]) -> tuple[Mark, ...]:
+def _aircraft_marks(situation: Situation, detections: Sequence[Detection]) -> tuple[Mark, ...]:
     camera = situation.camera
     states = [state for state in situation.states if drawn(state)]
     points = aircraft_points(states, situation.odometry)
@@ -194,7 +194,7 @@ def _aircraft_marks(situation: Situation, seen: Sequence[Detection]) -> tuple[Ma
     by_odometry: list[Pixel | None] = [None] * len(states)
     if situation.is_estimated:
         by_odometry, _ = _pixels(project(camera, situation.odometry, points, AIRCRAFT_NEAREST_M))
-    actual = _places(seen)
+    actual = _places(detections)
     rows = zip(states, points, predicted, inside, by_odometry, strict=True)
     return tuple(
         Mark(
@@ -225,5 +225,5 @@ def _pixels(projection: Projection) -> tuple[list[Pixel | None], list[bool]]:
     return pixels, projection.in_image.tolist()
 
 
-def _places(seen: Sequence[Detection]) -> dict[str, Pixel]:
-    return {name: (detection.u_px, detection.v_px) for name, detection in first_of_each(seen)[0].items()}
+def _places(detections: Sequence[Detection]) -> dict[str, Pixel]:
+    return {name: (detection.u_px, detection.v_px) for name, detection in first_of_each(detections)[0].items()}

@@ -134,8 +134,8 @@ class Session:
         """Return the scenes of the pictures that still wait."""
         return self._complete(math.inf)
 
-    def _take_pose(self, told: VehiclePose) -> list[Scene]:
-        pose = told if self._settings.full_attitude else replace(told, world_R_body=None)
+    def _take_pose(self, received: VehiclePose) -> list[Scene]:
+        pose = received if self._settings.full_attitude else replace(received, world_R_body=None)
         last_s = self.poses[-1].t_s if self.poses else -math.inf
         if pose.t_s < last_s - CLOCK_STEP_S:
             self.dropped["what came before the clock was set back"] += len(self.poses)
@@ -158,10 +158,10 @@ class Session:
         self._waiting.clear()
         self._seen_s = self._scene_s = -math.inf
 
-    def _take_picture(self, seen: Detections) -> list[Scene]:
-        scenes = self._complete(seen.t_s - LONGEST_GAP_S)
-        self._seen_s = seen.t_s
-        self._waiting.append(self._with_what_is_known(seen))
+    def _take_picture(self, detections: Detections) -> list[Scene]:
+        scenes = self._complete(detections.t_s - LONGEST_GAP_S)
+        self._seen_s = detections.t_s
+        self._waiting.append(self._with_what_is_known(detections))
         return scenes + (self._complete(self.poses[-1].t_s) if self.poses else [])
 
     def _take_fix(self, fix: GlobalFix) -> None:
@@ -181,10 +181,10 @@ class Session:
             except ValueError:
                 self.dropped["a camera that cannot be"] += 1
 
-    def _with_what_is_known(self, seen: Detections) -> _Waiting:
+    def _with_what_is_known(self, detections: Detections) -> _Waiting:
         origin = self._origin()
-        states = () if origin is None else self._tracker.states(seen.t_s, origin)
-        return _Waiting(seen, self.camera, self._landmarks, states, origin)
+        states = () if origin is None else self._tracker.states(detections.t_s, origin)
+        return _Waiting(detections, self.camera, self._landmarks, states, origin)
 
     def _origin(self) -> GeodeticPoint | None:
         """Return the vehicle's position, with the altitude of the reference."""

@@ -118,8 +118,8 @@ def _draw_texts(axes: Any, happenings: Sequence[Happening], facts: Facts) -> Non
         colour = WITHHELD if happening.is_trouble else _COLOURS[happening.kind]
         axes.plot([happening.time_s], [row], "o", color=colour, ms=4, clip_on=False)
         left = happening.time_s <= middle_s
-        said = happening.text if happening.kind == "text" else f"{happening.kind}: {happening.text}"
-        text = plain(said if len(said) <= _LONGEST_TEXT else said[: _LONGEST_TEXT - 3] + "...")
+        label = happening.text if happening.kind == "text" else f"{happening.kind}: {happening.text}"
+        text = plain(label if len(label) <= _LONGEST_TEXT else label[: _LONGEST_TEXT - 3] + "...")
         axes.annotate(
             f"{text}  {happening.time_s:.1f}" if not left else f"{happening.time_s:.1f}  {text}",
             (happening.time_s, row), xytext=(7 if left else -7, 0), textcoords="offset points", parse_math=False,

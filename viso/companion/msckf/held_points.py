@@ -74,12 +74,12 @@ class HeldPoints:
     def see(self, sighting: Sighting) -> float | None:
         """Update with a sighting of the points; return the mean normalised innovation squared, or None."""
         state = self._state
-        seen = dict(zip(sighting.ids.tolist(), sighting.normalised, strict=True))
-        state.release(self.numbers - seen.keys())
+        normalised_of = dict(zip(sighting.ids.tolist(), sighting.normalised, strict=True))
+        state.release(self.numbers - normalised_of.keys())
         if not state.points:
             return None
         state.blur_points(WANDER_SHARE * self._sigma)
-        jacobian, residual, ahead = self._equations(seen)
+        jacobian, residual, ahead = self._equations(normalised_of)
         sigma = SIGMA_SHARE * self._sigma
         innovation = jacobian @ state.cov @ jacobian.T
         own = np.arange(len(state.points))
@@ -94,7 +94,7 @@ class HeldPoints:
         state.release({point.number for point, is_good in zip(state.points, good.tolist(), strict=True) if not is_good})
         return float(np.median(nis)) / 2
 
-    def _equations(self, seen: Mapping[int, Array]) -> tuple[Array, Array, Mask]:
+    def _equations(self, normalised_of: Mapping[int, Array]) -> tuple[Array, Array, Mask]:
         """Return jacobian [2N, size], residual [2N], and which points [N] are ahead of the camera."""
         state, count = self._state, len(self._state.points)
         cameras = {clone.number: SE3(clone.R, clone.p) @ self._B_T_C for clone in state.clones}
@@ -119,7 +119,7 @@ class HeldPoints:
             own = state.clones_end + POINT * row
             jacobian[row, :, own : own + 2] = by_world @ anchor.R[:, :2]
             jacobian[row, :, own + 2] = by_world @ (anchor.t - now.t)
-            residual[row] = seen[point.number] - local[:2] / local[2]
+            residual[row] = normalised_of[point.number] - local[:2] / local[2]
         return jacobian.reshape(2 * count, -1), residual.ravel(), ahead
 
 

@@ -248,12 +248,12 @@ def _equations(state: WindowFilter, B_T_C: SE3, tracks: Tracks, sigma: float, pl
     residual = residual / sigma
     by_point = _projection(local[..., :2] / depth[..., None], depth, rotations) / sigma
     equations = _by_poses(by_point, residual, points, tracks, len(state.clones))
-    told = np.zeros(len(tracks))
+    known = np.zeros(len(tracks))
     if plane is not None:
-        equations, told = _with_heights(*equations, points, plane, state.clones[-1].p)
+        equations, known = _with_heights(*equations, points, plane, state.clones[-1].p)
     count, first_m = tracks.seen.sum(axis=1), local[:, 0, 2]
     error = np.sqrt((residual**2).sum(axis=2)).sum(axis=1) / count
-    dof = 2 * count - 3 + told
+    dof = 2 * count - 3 + known
     way_m = np.linalg.norm(positions[tracks.lasts()] - positions[:, 0], axis=1)
     return _Stack(
         *_eliminated(*equations), dof.astype(np.float64), error, first_m, way_m / np.maximum(first_m, 1e-3)
@@ -336,8 +336,8 @@ def _compressed(stack: _Stack) -> tuple[Array, Array, float]:
     rows = stack.jacobian.reshape(-1, stack.jacobian.shape[2])
     residual = stack.residual.ravel()
     values, vectors = np.linalg.eigh(rows.T.dot(rows))
-    told = values > _WEAKEST * values[-1]
-    root = np.sqrt(values[told])
-    jacobian, right = root[:, None] * vectors[:, told].T, vectors[:, told].T.dot(rows.T.dot(residual)) / root
+    known = values > _WEAKEST * values[-1]
+    root = np.sqrt(values[known])
+    jacobian, right = root[:, None] * vectors[:, known].T, vectors[:, known].T.dot(rows.T.dot(residual)) / root
     rest, left = float(residual.dot(residual) - right.dot(right)), float(stack.dof.sum()) - len(right)
     return jacobian, right, max(1.0, rest / left) if left >= 1 else 1.0

@@ -194,11 +194,11 @@ class SmootherEstimator:
             smoother.add_stillness()
         if node.height is not None:
             smoother.add_height(*node.height)
-        seen = self._book.note(node.number, node.sighting)
+        sightings = self._book.note(node.number, node.sighting)
         for new in self._book.discover(self._poses):
             smoother.add_landmark(new.landmark, new.position)
-            seen += new.sightings
-        smoother.add_sightings(seen, self._sigma * math.sqrt(max(1.0, self.innovation_ratio)))
+            sightings += new.sightings
+        smoother.add_sightings(sightings, self._sigma * math.sqrt(max(1.0, self.innovation_ratio)))
         kept = list(dict.fromkeys([*self._origins(), self._keyframe]))
         smoother.solve(self._passes(), keep=kept)
         adopt(state, smoother.motion(), {number: smoother.pose(number) for number in kept}, smoother.joint_cov(*kept))
@@ -212,7 +212,7 @@ class SmootherEstimator:
                 self._filter = self._stand_in()
                 state.clone(node.number)
                 self._filter.hold(node.number, node.sighting, node.depth_m)
-        return self._judge(smoother, [sighting for sighting in seen if sighting.number == node.number])
+        return self._judge(smoother, [sighting for sighting in sightings if sighting.number == node.number])
 
     def _parallax_rad(self) -> float:
         """Return the parallax of the last nodes; NaN if unknown."""
@@ -269,23 +269,23 @@ class SmootherEstimator:
         self._since: list[ImuSample] = []
         self._since_bias = self.state.bias
 
-    def _judge(self, smoother: LagSmoother, seen: list[LandmarkSighting]) -> NodeFacts:
+    def _judge(self, smoother: LagSmoother, sightings: list[LandmarkSighting]) -> NodeFacts:
         """Compare sightings of landmarks with predictions, and remove landmarks that do not fit."""
-        if not seen:
+        if not sightings:
             return NodeFacts()
         camera_T_world = (self.state.pose @ self._B_T_C).inverse()
-        local = camera_T_world.map(smoother.points(sighting.landmark for sighting in seen))
+        local = camera_T_world.map(smoother.points(sighting.landmark for sighting in sightings))
         depth = np.where(local[:, 2] > 0, local[:, 2], np.nan)
-        normalised = np.array([sighting.normalised for sighting in seen])
+        normalised = np.array([sighting.normalised for sighting in sightings])
         error: Array = np.linalg.norm(local[:, :2] / depth[:, None] - normalised, axis=1) / self._sigma
         good = error < MAX_ERROR_SIGMAS  # not so for NaN, behind the camera
         self._book.drop(
-            {sighting.landmark for sighting, is_good in zip(seen, good.tolist(), strict=True) if not is_good}
+            {sighting.landmark for sighting, is_good in zip(sightings, good.tolist(), strict=True) if not is_good}
         )
         if not good.any():
-            return NodeFacts(landmarks=len(seen))
+            return NodeFacts(landmarks=len(sightings))
         return NodeFacts(
-            landmarks=len(seen),
+            landmarks=len(sightings),
             agreeing=int(np.count_nonzero(good)),
             mre_sigmas=float(error[good].mean()),
             depth_m=float(np.median(depth[good])),

@@ -141,12 +141,12 @@ class LagSmoother:
             sigma: of a normalised coordinate.
         """
         noise = _robust(gtsam.noiseModel.Isotropic.Sigma(2, sigma))
-        for seen in sightings:
-            keys = X(seen.number), L(seen.landmark)
+        for sighting in sightings:
+            keys = X(sighting.number), L(sighting.landmark)
             self._graph.add(
-                gtsam.GenericProjectionFactorCal3_S2(seen.normalised, noise, *keys, _NORMALISED, self._B_T_C)
+                gtsam.GenericProjectionFactorCal3_S2(sighting.normalised, noise, *keys, _NORMALISED, self._B_T_C)
             )
-            self._stamps[L(seen.landmark)] = self._t_s  # a landmark older than the lag takes no more factors
+            self._stamps[L(sighting.landmark)] = self._t_s  # a landmark older than the lag takes no more factors
 
     def solve(self, passes: int = 1, keep: Iterable[int] = ()) -> None:
         """Solve with all added factors, and remove nodes older than the lag.

@@ -87,23 +87,23 @@ def _five(distortion: Array) -> tuple[float, float, float, float, float]:
 def _equidistant(distortion: Array, theta: Array) -> Array:
     k1, k2, k3, k4 = distortion.tolist()
     square = theta * theta
-    seen: Array = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
-    return seen
+    distorted: Array = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+    return distorted
 
 
 def _undistort_equidistant(distortion: Array, x_seen: Array, y_seen: Array) -> tuple[Array, Array]:
     k1, k2, k3, k4 = distortion.tolist()
-    seen = np.hypot(x_seen, y_seen)
-    theta, good = seen, np.zeros(seen.shape, dtype=bool)
+    distorted = np.hypot(x_seen, y_seen)
+    theta, good = distorted, np.zeros(distorted.shape, dtype=bool)
     with np.errstate(all="ignore"):
         for _ in range(_MAX_ITERATIONS):
             square = theta * theta
             slope = 1 + square * (3 * k1 + square * (5 * k2 + square * (7 * k3 + square * (9 * k4))))
-            step = (seen - _equidistant(distortion, theta)) / slope
+            step = (distorted - _equidistant(distortion, theta)) / slope
             theta = theta + step
             good = (np.abs(step) < _LAST_STEP) & (slope > 0) & (theta >= 0) & (theta < 0.5 * np.pi)
             if good.all():
                 break
-        scale = np.where(seen > 0, np.tan(theta) / np.where(seen > 0, seen, 1.0), 1.0)
+        scale = np.where(distorted > 0, np.tan(theta) / np.where(distorted > 0, distorted, 1.0), 1.0)
     scale = np.where(good, scale, np.nan)
     return scale * x_seen, scale * y_seen

@@ -151,14 +151,14 @@ class JsonReader(LineReader):
 
     def _report(self, t_s: float, row: Record) -> AircraftReport:
         icao = icao_of(row.get("icao"))
-        told, keys = (_object(row["raw"], "raw"), _RAW_KEYS) if "raw" in row else (row, _ROW_KEYS)
+        report, keys = (_object(row["raw"], "raw"), _RAW_KEYS) if "raw" in row else (row, _ROW_KEYS)
         latitude, longitude, altitude, *motion = keys
-        if told.get(latitude) is None or told.get(longitude) is None:
+        if report.get(latitude) is None or report.get(longitude) is None:
             raise Refused(NO_POSITION)
-        latitude_deg, longitude_deg = number(told, latitude), number(told, longitude)
+        latitude_deg, longitude_deg = number(report, latitude), number(report, longitude)
         not_null_island(latitude_deg, longitude_deg)
-        altitude_ft = optional_number(told, altitude, self.refused)
-        speed_kt, heading_deg, rate_ft_min = (optional_number(told, key, self.refused) or 0.0 for key in motion)
+        altitude_ft = optional_number(report, altitude, self.refused)
+        speed_kt, heading_deg, rate_ft_min = (optional_number(report, key, self.refused) or 0.0 for key in motion)
         return AircraftReport(t_s, icao, latitude_deg, longitude_deg, altitude_ft, speed_kt, heading_deg, rate_ft_min)
 
     def _detections(self, t_s: float, record: Record) -> list[Event]:
