@@ -98,8 +98,10 @@ def test_gain_follows_from_the_error(err: float) -> None:
 
 def test_all_axes_depend_on_the_errors_that_were_found_before_the_first() -> None:
     # GIVEN a filter that knows little of yaw, and that the first axis tells how fast it is
-    rig = standing("06101", run_s=1.5)
-    told, other = tell(rig, 1.0, 0.5)
+    def start() -> FilterRig:
+        return standing("06101", run_s=1.5)
+
+    told, other = tell(start, 1.0, 0.5)
     state, cov = other.core.state, other.covariance()
     rows = []
     for axis in range(2):

@@ -10,7 +10,16 @@ import pytest
 
 from ap_core.vector3 import Vector3f
 from ekf_stub.release import JULY_2025, STABLE_4_6, FilterRelease
-from tests.unit.ekf_stub.filter_rig import SLOW_LOOP_US, FilterRig, by_gps, compared, navigating, reckoned
+from tests.unit.ekf_stub.filter_rig import (
+    SLOW_LOOP_US,
+    FilterRig,
+    Start,
+    by_gps,
+    compared,
+    has_pose,
+    navigating,
+    reckoned,
+)
 
 VEL, POS = 4, 7
 GATE = 25.0  # of 500
@@ -36,14 +45,14 @@ def seen(release: FilterRelease, sources: str = "66166", *, with_gps: bool = Fal
     return rig
 
 
-def pose(rig: FilterRig, x: float, err: float = 0.2) -> tuple[FilterRig, FilterRig]:
+def pose(start: Start, x: float, err: float = 0.2) -> tuple[FilterRig, FilterRig]:
     """Let a pose come due in a vehicle; return it and one without."""
-    return compared(rig, lambda rig: rig.camera(x, 0.0, 0.0, yaw=NAN, err=err), lambda core: core.ext_nav.has_pose)
+    return compared(start, lambda rig: rig.camera(x, 0.0, 0.0, yaw=NAN, err=err), has_pose)
 
 
-def velocity(rig: FilterRig, z: float, err: float = 0.1) -> tuple[FilterRig, FilterRig]:
+def velocity(start: Start, z: float, err: float = 0.1) -> tuple[FilterRig, FilterRig]:
     """Let a velocity come due in a vehicle; return it and one without."""
-    return compared(rig, lambda rig: rig.velocity(0.1, -0.2, z, err=err), lambda core: core.ext_nav.has_velocity)
+    return compared(start, lambda rig: rig.velocity(0.1, -0.2, z, err=err), lambda core: core.ext_nav.has_velocity)
 
 
 # Which variances count
@@ -51,8 +60,10 @@ def velocity(rig: FilterRig, z: float, err: float = 0.1) -> tuple[FilterRig, Fil
 
 @pytest.mark.parametrize(("release", "sigma"), [(JULY_2025, 0.2), (WEIGHS_AS_GPS, 3.0), (STABLE_4_6, 3.0)])
 def test_pose_has_the_accuracy_of_gps_while_that_gives_one(release: FilterRelease, sigma: float) -> None:
-    rig = seen(release, with_gps=True, horizontal_accuracy=3.0, speed_accuracy=0.4)
-    told, other = pose(rig, 2.0)
+    def start() -> FilterRig:
+        return seen(release, with_gps=True, horizontal_accuracy=3.0, speed_accuracy=0.4)
+
+    told, other = pose(start, 2.0)
     spread = sum(other.core.state.cov.variances()[POS : POS + 2])
     off = (other.core.state.pos[0] - 2.0) ** 2 + other.core.state.pos[1] ** 2
     assert told.report.pos_ratio == pytest.approx(off / (GATE * (spread + 2 * sigma**2)), rel=1e-6)
@@ -60,7 +71,7 @@ def test_pose_has_the_accuracy_of_gps_while_that_gives_one(release: FilterReleas
 
 @pytest.mark.parametrize(("release", "sigma"), [(JULY_2025, 50.0), (WEIGHS_AS_GPS, 10.0)])
 def test_pose_without_a_gps_has_its_own_error_up_to_a_limit(release: FilterRelease, sigma: float) -> None:
-    told, other = pose(seen(release), 1.0, err=50.0)
+    told, other = pose(lambda: seen(release), 1.0, err=50.0)
     assert told.core.state.pos[0] == pytest.approx(reckoned(other, (POS, 1.0, sigma**2))[POS], abs=1e-9)
 
 
@@ -77,8 +88,10 @@ def test_pose_without_a_gps_has_its_own_error_up_to_a_limit(release: FilterRelea
 def test_velocity_has_the_accuracy_of_gps_while_that_gives_one(
     release: FilterRelease, gps: dict[str, Any], err: float, ne: float, d: float
 ) -> None:
-    rig = seen(release, with_gps=bool(gps), horizontal_accuracy=0.5, **gps)
-    told, other = velocity(rig, 0.3, err)
+    def start() -> FilterRig:
+        return seen(release, with_gps=bool(gps), horizontal_accuracy=0.5, **gps)
+
+    told, other = velocity(start, 0.3, err)
     states = reckoned(other, (VEL, 0.1, ne**2), (VEL + 1, -0.2, ne**2), (VEL + 2, 0.3, d**2))
     assert told.core.state.vel == pytest.approx(states[VEL : VEL + 3], abs=1e-6)
 
@@ -92,9 +105,12 @@ def test_velocity_of_gps_has_the_error_of_one_of_the_camera_that_comes_due_with_
         rig._feed_gps()
         rig.velocity(9.0, 9.0, 9.0, err=2.0, delay_ms=200)
 
-    rig = by_gps("33101", release=release, SRC2_POSXY=6)
-    rig.lose("gps", "baro")
-    told, other = compared(rig, tell, lambda core: core.gps.is_due)
+    def start() -> FilterRig:
+        rig = by_gps("33101", release=release, SRC2_POSXY=6)
+        rig.lose("gps", "baro")
+        return rig
+
+    told, other = compared(start, tell, lambda core: core.gps.is_due)
     assert told.core.ext_nav.has_velocity
     spread = sum(other.core.state.cov.variances()[VEL : VEL + 2])
     north, east, _ = other.core.state.vel
@@ -104,13 +120,13 @@ def test_velocity_of_gps_has_the_error_of_one_of_the_camera_that_comes_due_with_
 
 @pytest.mark.parametrize(("release", "scale"), [(JULY_2025, 1.0), (SCALES_ALL_NOISE, 2.0), (STABLE_4_6, 2.0)])
 def test_pose_counts_for_less_with_few_satellites(release: FilterRelease, scale: float) -> None:
-    told, other = pose(seen(release, with_gps=True, num_sats=4), 1.0)
+    told, other = pose(lambda: seen(release, with_gps=True, num_sats=4), 1.0)
     assert told.core.state.pos[0] == pytest.approx(reckoned(other, (POS, 1.0, (scale * 0.2) ** 2))[POS], abs=1e-6)
 
 
 @pytest.mark.parametrize(("release", "scale"), [(JULY_2025, 1.0), (SCALES_ALL_NOISE, 2.0)])
 def test_velocity_of_the_camera_counts_for_less_with_few_satellites(release: FilterRelease, scale: float) -> None:
-    told, other = velocity(seen(release, with_gps=True, num_sats=4), 0.3)
+    told, other = velocity(lambda: seen(release, with_gps=True, num_sats=4), 0.3)
     noise = (scale * 0.1) ** 2
     states = reckoned(other, (VEL, 0.1, noise), (VEL + 1, -0.2, noise), (VEL + 2, 0.3, noise))
     assert told.core.state.vel == pytest.approx(states[VEL : VEL + 3], abs=1e-6)
@@ -121,7 +137,7 @@ def test_velocity_of_the_camera_counts_for_less_with_few_satellites(release: Fil
 
 @pytest.mark.parametrize("sources", ["66106", "66166"])
 def test_vertical_velocity_of_the_camera_is_fused_whatever_its_source(sources: str) -> None:
-    told, other = velocity(seen(FUSES_ANY_CLIMB, sources), 0.3)
+    told, other = velocity(lambda: seen(FUSES_ANY_CLIMB, sources), 0.3)
     states = reckoned(other, (VEL, 0.1, 0.01), (VEL + 1, -0.2, 0.01), (VEL + 2, 0.3, 0.01))
     assert told.core.state.vel == pytest.approx(states[VEL : VEL + 3], abs=1e-6)
     spread = sum(other.core.state.cov.variances()[VEL : VEL + 3])
@@ -132,24 +148,29 @@ def test_vertical_velocity_of_the_camera_is_fused_whatever_its_source(sources: s
 
 @pytest.mark.parametrize(("sources", "axes"), [("33101", 2), ("33131", 3)])
 def test_climb_of_gps_is_fused_while_it_is_wanted(sources: str, axes: int) -> None:
-    rig = by_gps(sources, release=FUSES_ANY_CLIMB)
-    rig.gps = {"has_vertical_velocity": True}
-    rig.run(0.5)
-    rig.lose("gps", "baro")
+    def start() -> FilterRig:
+        rig = by_gps(sources, release=FUSES_ANY_CLIMB)
+        rig.gps = {"has_vertical_velocity": True}
+        rig.run(0.5)
+        rig.lose("gps", "baro")
+        return rig
 
     def tell(rig: FilterRig) -> None:
         rig.feeds.add("gps")
         rig.gps = {"has_vertical_velocity": True, "vel_ned": Vector3f(0.0, 0.0, 1.0)}
 
-    told, other = compared(rig, tell, lambda core: core.gps.is_due)
+    told, other = compared(start, tell, lambda core: core.gps.is_due)
     assert (told.core.state.vel[2] > other.core.state.vel[2] + 0.01) is (axes == 3)
 
 
 def test_climb_is_fused_with_velocities_that_are_not_navigated_by() -> None:
-    rig = FilterRig("06101", has_compass=True, release=FUSES_ANY_CLIMB, loop_us=SLOW_LOOP_US)
-    rig.run(2.6)
-    rig.lose("baro")
-    told, other = velocity(rig, 0.3)
+    def start() -> FilterRig:
+        rig = FilterRig("06101", has_compass=True, release=FUSES_ANY_CLIMB, loop_us=SLOW_LOOP_US)
+        rig.run(2.6)
+        rig.lose("baro")
+        return rig
+
+    told, other = velocity(start, 0.3)
     assert told.core.state.vel[2] > other.core.state.vel[2] + 0.01
 
 
