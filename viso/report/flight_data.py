@@ -138,7 +138,7 @@ def read_material(path: Path, on_progress: Callable[[float], None]) -> Material:
         InputError: if it cannot be read.
     """
     columns = read_columns(path)
-    return _material(path, columns, list(_told(columns, on_progress)))
+    return _material(path, columns, list(_items(columns, on_progress)))
 
 
 def _stream(path: Path, columns: LogColumns) -> Stream:
@@ -183,7 +183,7 @@ def _whole(record: Any, label: str) -> int:
     return int(value) if math.isfinite(value) else -1
 
 
-def _told(log: LogColumns, on_progress: Callable[[float], None]) -> Iterator[Happening | LoggedParameter | None]:
+def _items(log: LogColumns, on_progress: Callable[[float], None]) -> Iterator[Happening | LoggedParameter | None]:
     modes = FlightModes()
     kinds = (*_SPOKEN, "VER")
     count = sum(log.counts.get(kind, 0) for kind in kinds)
