@@ -28,6 +28,8 @@ class RecordedStates:
         att_rpy_deg: shape (n, 3), roll, pitch, yaw in degrees.
         pos_time_us: shape (m,), times of the XKF1 records that hold a valid position.
         pos_ned: shape (m, 3), metres NED from the EKF origin.
+        vel_ned: shape (m, 3), m/s NED, of the same records.
+        pos_start_us: when the position became valid: at the first of these records, or shortly before it.
         start_us: when the AHRS started.
     """
 
@@ -35,6 +37,8 @@ class RecordedStates:
     att_rpy_deg: Array
     pos_time_us: Array
     pos_ned: Array
+    vel_ned: Array
+    pos_start_us: float
     start_us: int = AHRS_START_US
 
     def __post_init__(self) -> None:
@@ -80,8 +84,24 @@ class RecordedAhrs(AhrsBase):
         return Quaternion.from_euler(f32(roll), f32(pitch), f32(yaw))
 
     def get_relative_position_NED_origin_float(self) -> Vector3f | None:
-        """Return the log's position; None before its first."""
-        times = self._states.pos_time_us
-        if len(times) == 0 or self._clock.micros64() < times[0]:
+        """Return the log's position; None before it was valid.
+
+        Between two records it is the cubic with their positions and velocities, so that a vehicle that accelerates is
+        within a millimetre of where it was.
+        """
+        states, now_us = self._states, float(self._clock.micros64())
+        times = states.pos_time_us
+        if len(times) == 0 or now_us < states.pos_start_us:
             return None
-        return Vector3f(*self._at_now(times, self._states.pos_ned))
+        after = int(np.searchsorted(times, now_us))
+        if after == 0 or after == len(times):
+            nearest = min(after, len(times) - 1)
+            passed_s = min(0.0, 1e-6 * (now_us - times[nearest]))
+            return Vector3f(*(states.pos_ned[nearest] + passed_s * states.vel_ned[nearest]).tolist())
+        before = after - 1
+        interval_s = 1e-6 * (times[after] - times[before])
+        share = 1e-6 * (now_us - times[before]) / interval_s
+        moved = states.pos_ned[after] - states.pos_ned[before]
+        first, last = (interval_s * states.vel_ned[index] - moved for index in (before, after))
+        bend = share * (1 - share) * ((1 - share) * first - share * last)
+        return Vector3f(*(states.pos_ned[before] + share * moved + bend).tolist())

@@ -3,6 +3,7 @@
 """Reads logs back: what a recorded AHRS needs, and numbers and texts out of records that may hold anything."""
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +23,10 @@ from viso.errors import InputError
 Array = npt.NDArray[np.float64]
 
 _FIRST_BYTES: Final = bytes((HEAD_BYTE1, HEAD_BYTE2, FMT.msg_type))
-_EKF3_INITIALISED: Final = "EKF3 IMU0 initialised"
+_EKF3_INITIALISED: Final = re.compile(r"EKF3 IMU\d initialised")
+_START_UP_MS: Final = 2002  # from the start of the AHRS to that text
+_EKF3_USES: Final = "EKF3 IMU0 is using "
+_RECORD_PERIOD_US: Final = 110_000  # of XKF1
 _HORIZONTAL_POSITION: Final = 1 << 3 | 1 << 4  # relative or absolute, of XKF4.SS
 _VERTICAL_POSITION: Final = 1 << 5
 
@@ -103,23 +107,36 @@ def recorded_states(path: Path, log: LogColumns) -> RecordedStates:
         raise InputError(f"{path}: holds no ATT records to take the attitude from")
     with _as_input_errors(path):
         attitude = table_of(log, "ATT", ("TimeUS", "Roll", "Pitch", "Yaw"))
-        position = valid_positions(log)
-        start_us = _ahrs_start_us(log)
-    return RecordedStates(attitude[:, 0], attitude[:, 1:], position[:, 0], position[:, 1:], start_us)
+        state = _valid_states(log, ("PN", "PE", "PD", "VN", "VE", "VD"), core=0)
+        start_us, pos_start_us = ahrs_start_us(log), _position_start_us(log, state[:, 0])
+    return RecordedStates(
+        attitude[:, 0], attitude[:, 1:], state[:, 0], state[:, 1:4], state[:, 4:], pos_start_us, start_us
+    )
 
 
-def _ahrs_start_us(log: LogColumns) -> int:
-    """Return when the AHRS of a log started, in us since boot: 2 s before EKF3 was initialised, to the ms.
+def _texts(log: LogColumns) -> Iterator[tuple[int, str]]:
+    if log.counts.get("MSG"):
+        times_us, texts = log.columns("MSG", ("TimeUS", "Message")).values()
+        yield from zip(times_us.tolist(), map(str, texts), strict=True)
 
-    AP_AHRS::update_EKF3 waits 1 s, and NavEKF3_core::InitialiseFilterBootstrap another. A log without that text began
-    later; the start is then that of the reference's recordings.
+
+def _position_start_us(log: LogColumns, pos_time_us: Array) -> float:
+    """Return when the first position of a log became valid: when EKF3 said so, if that was just before the record."""
+    first_us = float(pos_time_us[0]) if len(pos_time_us) else math.inf
+    said_us = (time_us for time_us, text in _texts(log) if text.startswith(_EKF3_USES))
+    return next((time_us for time_us in said_us if 0 <= first_us - time_us < _RECORD_PERIOD_US), first_us)
+
+
+def ahrs_start_us(log: LogColumns) -> int:
+    """Return when the AHRS of a log started, in us since boot, by when EKF3 was initialised.
+
+    AP_AHRS::update_EKF3 waits until more than 1 s has passed, which is a pass later, and
+    NavEKF3_core::InitialiseFilterBootstrap 1 s more. A log without that text began later; the start is then that of the
+    reference's recordings.
     """
-    if not log.counts.get("MSG"):
-        return AHRS_START_US
-    texts = log.columns("MSG", ("TimeUS", "Message"))
-    times_us = (int(time_us) for time_us, text in zip(*texts.values(), strict=True) if text == _EKF3_INITIALISED)
-    initialised_us = next(times_us, None)
-    return AHRS_START_US if initialised_us is None else math.ceil(initialised_us / 1000 - 2000) * 1000
+    initialised_us = next((time_us for time_us, text in _texts(log) if _EKF3_INITIALISED.fullmatch(text)), 0)
+    start_ms = initialised_us // 1000 - _START_UP_MS
+    return start_ms * 1000 if start_ms > 0 else AHRS_START_US
 
 
 def table_of(log: LogColumns, kind: str, labels: Sequence[str]) -> Array:
@@ -129,16 +146,20 @@ def table_of(log: LogColumns, kind: str, labels: Sequence[str]) -> Array:
 
 def valid_positions(log: LogColumns, core: int = 0) -> Array:
     """Return time and position of the XKF1 records of a core, as far as its XKF4 before it has a position."""
+    return _valid_states(log, ("PN", "PE", "PD"), core)
+
+
+def _valid_states(log: LogColumns, labels: Sequence[str], core: int) -> Array:
     if not (log.counts.get("XKF1") and log.counts.get("XKF4")):
-        return np.zeros((0, 4))
+        return np.zeros((0, 1 + len(labels)))
     of_core, of_status = (_of_core(log, kind, core) for kind in ("XKF1", "XKF4"))
     status = log.columns("XKF4", ["SS"])["SS"][of_status]
     valid = (status & _HORIZONTAL_POSITION != 0) & (status & _VERTICAL_POSITION != 0)
     # An XKF4 is written just before the XKF1 of the same time.
     latest = np.searchsorted(log.offsets("XKF4")[of_status], log.offsets("XKF1")[of_core])
     chosen = np.append(False, valid)[latest]
-    positions: Array = table_of(log, "XKF1", ("TimeUS", "PN", "PE", "PD"))[of_core][chosen]
-    return positions
+    states: Array = table_of(log, "XKF1", ("TimeUS", *labels))[of_core][chosen]
+    return states
 
 
 def _of_core(log: LogColumns, kind: str, core: int) -> npt.NDArray[np.bool_]:

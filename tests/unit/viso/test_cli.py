@@ -461,7 +461,7 @@ def serve_args(port: int, *args: str) -> list[str]:
 def test_serve_tells_links_and_logs_and_ends_with_counts(viso: Viso, free_port: int) -> None:
     outcome = viso(*serve_args(free_port, "--speedup", "1000", "--duration", "5"))
     assert outcome.code == 0
-    banner = f"ArduCopter V4.7.1 (0932dd82) on udpin:127.0.0.1:{free_port}; "
+    banner = f"ArduCopter V4.7.1 (dbe79216) on udpin:127.0.0.1:{free_port}; "
     profile = "firmware 4.7, --firmware 4.6, 2025-07, 2026-02 or 2026-04 for another; "
     assert outcome.out.splitlines()[0] == f"{banner}{profile}logs in logs; Ctrl-C ends"
     assert "Outcome of each message" in outcome.out

@@ -24,10 +24,11 @@ class NoRecords:
     def write(self, structure: LogStructure, values: object) -> None: ...
 
 
-def states(attitudes: Rows, positions: Rows | None = None) -> RecordedStates:
-    """Make states of rows (time in s, roll, pitch, yaw in deg) and (time in s, north, east, down)."""
-    att, pos = np.array(attitudes, dtype=float).reshape(-1, 4), np.array(positions or [], dtype=float).reshape(-1, 4)
-    return RecordedStates(att[:, 0] * 1e6, att[:, 1:], pos[:, 0] * 1e6, pos[:, 1:])
+def states(attitudes: Rows, positions: Rows | None = None, start_s: float = math.nan) -> RecordedStates:
+    """Make states of rows (time in s, roll, pitch, yaw in deg) and (time in s, position and velocity NED)."""
+    att, pos = np.array(attitudes, dtype=float).reshape(-1, 4), np.array(positions or [], dtype=float).reshape(-1, 7)
+    start_us = 1e6 * (pos[0, 0] if len(pos) and math.isnan(start_s) else start_s)
+    return RecordedStates(att[:, 0] * 1e6, att[:, 1:], pos[:, 0] * 1e6, pos[:, 1:4], pos[:, 4:], start_us)
 
 
 def at(time_s: float, recorded: RecordedStates) -> RecordedAhrs:
@@ -82,13 +83,33 @@ def test_there_is_no_attitude_before_the_first_record() -> None:
 
 
 def test_position_is_interpolated() -> None:
-    pos = at(5.5, states([(3, 0, 0, 0)], [(5, 1, 2, -3), (6, 2, 4, -6)])).get_relative_position_NED_origin_float()
+    pos = at(
+        5.5, states([(3, 0, 0, 0)], [(5, 1, 2, -3, 1, 2, -3), (6, 2, 4, -6, 1, 2, -3)])
+    ).get_relative_position_NED_origin_float()
     assert pos is not None
     assert [float(value) for value in pos.to_tuple()] == [1.5, 3.0, -4.5]
 
 
+@given(st.floats(0, 1))
+def test_position_follows_an_acceleration_between_two_records(time_s: float) -> None:
+    def fallen(since_s: float) -> tuple[float, ...]:
+        return 3 + since_s, 0, 0, 4.9 * since_s**2, 0, 0, 9.8 * since_s
+
+    pos = at(3 + time_s, states([(3, 0, 0, 0)], [fallen(0), fallen(1)])).get_relative_position_NED_origin_float()
+    assert pos is not None
+    assert float(pos.z) == pytest.approx(4.9 * time_s**2, abs=1e-4)
+
+
+@pytest.mark.parametrize(("time_s", "north_m"), [(4.9, 0.0), (5.0, 1.0), (7.0, 1.0)])
+def test_position_goes_on_before_the_first_record_and_stays_after_the_last(time_s: float, north_m: float) -> None:
+    recorded = states([(3, 0, 0, 0)], [(5, 1, 2, -3, 10, 0, 0)], start_s=4.8)
+    pos = at(time_s, recorded).get_relative_position_NED_origin_float()
+    assert pos is not None
+    assert float(pos.x) == pytest.approx(north_m, abs=1e-5)
+
+
 def test_there_is_no_position_before_the_first() -> None:
-    recorded = states([(3, 0, 0, 0)], [(5, 1, 2, -3)])
+    recorded = states([(3, 0, 0, 0)], [(5, 1, 2, -3, 10, 0, 0)])
     assert at(4.999, recorded).get_relative_position_NED_origin_float() is None
 
 

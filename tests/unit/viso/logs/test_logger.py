@@ -181,7 +181,7 @@ def test_log_begins_with_parameters_then_texts_version_and_mode(make_bench: Make
     kinds = [kind for index, kind in enumerate(names(records)) if index == 0 or kind != names(records)[index - 1]]
     assert kinds == ["PARM", "MSG", "VER", "MSG", "MODE", "MSG"]
     assert [record["Message"] for record in records if record["name"] == "MSG"] == [
-        *("ArduCopter V4.7.1 (0932dd82)", "00017669736f00000000000000000000", "Frame: QUAD/PLUS"),
+        *("ArduCopter V4.7.1 (dbe79216)", "00017669736f00000000000000000000", "Frame: QUAD/PLUS"),
         *("ArduPilot Ready", "AHRS: DCM active"),
     ]
 

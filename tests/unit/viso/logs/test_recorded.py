@@ -22,8 +22,9 @@ from viso.logs.recorded import read_columns, read_recorded_states, records_in
 
 FIRMWARE_LOG = RECORDED / "logs" / "t265.BIN.xz"
 
-XKF1 = ("XKF1", "TimeUS,C,PN,PE,PD", "QBfff")
+XKF1 = ("XKF1", "TimeUS,C,PN,PE,PD,VN,VE,VD", "QBffffff")
 XKF4 = ("XKF4", "TimeUS,C,SS", "QBI")
+STILL = (0, 0, 0)
 HAS_POSITION = 1 << 3 | 1 << 5
 HAS_ABSOLUTE_POSITION = 1 << 4 | 1 << 5
 
@@ -56,7 +57,7 @@ def error_of(path: Path) -> str:
 def test_start_of_the_ahrs_is_two_seconds_before_its_filter_was_initialised(path: Path) -> None:
     text = MSG, (4_444_055, "EKF3 IMU0 initialised")
     path.write_bytes(log_bytes(att(1000, 0, 0, 0)) + text[0].pack(text[1]))
-    assert read_recorded_states(path).start_us == 2_445_000
+    assert read_recorded_states(path).start_us == 2_442_000
     path.write_bytes(log_bytes(att(1000, 0, 0, 0)))
     assert read_recorded_states(path).start_us == AHRS_START_US
 
@@ -82,18 +83,29 @@ def test_log_may_hold_no_position(path: Path) -> None:
     (0, False),
 ])  # fmt: skip
 def test_position_counts_when_the_status_says_so(path: Path, status: int, read: bool) -> None:
-    path.write_bytes(log_bytes(att(1, 0, 0, 0), ("XKF4", (1000, 0, status)), ("XKF1", (1000, 0, 1, 2, -3))))
+    path.write_bytes(log_bytes(att(1, 0, 0, 0), ("XKF4", (1000, 0, status)), ("XKF1", (1000, 0, 1, 2, -3, *STILL))))
     assert read_recorded_states(path).pos_ned.tolist() == ([[1, 2, -3]] if read else [])
+
+
+@pytest.mark.parametrize(("text_us", "start_us"), [(960_000, 960_000), (800_000, 1_000_000), (1_000_001, 1_000_000)])
+def test_position_is_valid_from_the_text_just_before_its_first_record(path: Path, text_us: int, start_us: int) -> None:
+    records: list[Record] = [
+        att(1, 0, 0, 0),
+        ("XKF4", (1_000_000, 0, HAS_POSITION)),
+        ("XKF1", (1_000_000, 0, 1, 2, -3, *STILL)),
+    ]
+    path.write_bytes(log_bytes(*records) + MSG.pack((text_us, "EKF3 IMU0 is using GPS")))
+    assert read_recorded_states(path).pos_start_us == start_us
 
 
 def test_only_the_first_core_counts(path: Path) -> None:
     records: list[Record] = [
         att(1, 0, 0, 0),
         ("XKF4", (1000, 0, HAS_POSITION)),
-        ("XKF1", (1000, 0, 1, 2, -3)),
+        ("XKF1", (1000, 0, 1, 2, -3, *STILL)),
         ("XKF4", (1000, 1, 0)),
-        ("XKF1", (1000, 1, 9, 9, 9)),
-        ("XKF1", (1100, 0, 4, 5, -6)),
+        ("XKF1", (1000, 1, 9, 9, 9, *STILL)),
+        ("XKF1", (1100, 0, 4, 5, -6, *STILL)),
     ]
     path.write_bytes(log_bytes(*records))
     states = read_recorded_states(path)
@@ -104,8 +116,8 @@ def test_only_the_first_core_counts(path: Path) -> None:
 def test_log_of_an_old_release_has_one_core_in_a_type(path: Path) -> None:
     """Copter 3.6: XKF1 and XKF4 have no C, and other cores are of other types."""
     writer = DataFlashWriter(COMMON_STRUCTURES)
-    xkf1, xkf4 = writer.define("XKF1", "TimeUS,PN,PE,PD", "Qfff"), writer.define("XKF4", "TimeUS,SS", "QI")
-    kinds = (ATT, att(1, 0, 0, 0)[1]), (xkf4, (1000, HAS_POSITION)), (xkf1, (1000, 1, 2, -3))
+    xkf1, xkf4 = writer.define("XKF1", "TimeUS,PN,PE,PD,VN,VE,VD", "Qffffff"), writer.define("XKF4", "TimeUS,SS", "QI")
+    kinds = (ATT, att(1, 0, 0, 0)[1]), (xkf4, (1000, HAS_POSITION)), (xkf1, (1000, 1, 2, -3, *STILL))
     path.write_bytes(b"".join(writer.start_up([], time_us=0)) + b"".join(writer.record(*one) for one in kinds))
     assert read_recorded_states(path).pos_ned.tolist() == [[1, 2, -3]]
 
@@ -190,7 +202,9 @@ def kinds_of(log: Any) -> list[str]:
 
 
 def test_records_of_some_kinds_come_in_the_order_of_the_log(path: Path) -> None:
-    path.write_bytes(log_bytes(att(1, 0, 0, 0.5), ("XKF4", (2, 0, 7)), ("XKF1", (3, 0, 1, 2, -3)), att(4, 0, 0, 0)))
+    path.write_bytes(
+        log_bytes(att(1, 0, 0, 0.5), ("XKF4", (2, 0, 7)), ("XKF1", (3, 0, 1, 2, -3, *STILL)), att(4, 0, 0, 0))
+    )
     found = list(records_in(read_columns(path), ["XKF4", "VISP", "ATT"]))
     assert [(one.get_type(), one.TimeUS) for one in found] == [("ATT", 1), ("XKF4", 2), ("ATT", 4)]
     assert (found[0].Yaw, found[1].SS) == (0.5, 7)

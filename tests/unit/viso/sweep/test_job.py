@@ -3,6 +3,7 @@
 """One point: the same as ``viso replay`` and ``viso faults`` would give, and never an exception."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -158,7 +159,7 @@ def test_trajectory_is_on_the_streams_clock_if_that_is_one_too() -> None:
 
 
 def test_reference_without_positions_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    nothing = RecordedStates(np.array([1.0]), np.zeros((1, 3)), np.zeros(0), np.zeros((0, 3)))
+    nothing = RecordedStates(np.ones(1), np.zeros((1, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), math.inf)
     monkeypatch.setattr(job, "read_recorded_states", lambda _path: nothing)
     with pytest.raises(InputError, match=r"prearm.BIN.xz: a reference without positions"):
         read_reference(LOG, CAPTURE, 1, USUAL)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a running vehicle says."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -134,7 +135,7 @@ def test_filter_listeners_are_told_of_every_outcome_with_its_time(make_bench: Ca
 def test_vehicle_without_a_filter_is_reported_on_as_well(
     make_bench: Callable[..., Bench], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    at_rest = RecordedStates(np.zeros(1), np.zeros((1, 3)), np.zeros(0), np.zeros((0, 3)))
+    at_rest = RecordedStates(np.zeros(1), np.zeros((1, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), math.inf)
     bench = make_bench(
         make_ahrs=lambda vehicle: RecordedAhrs(vehicle.clock, vehicle.sources, vehicle.replay_log, at_rest), VISO_TYPE=1
     )

@@ -107,7 +107,7 @@ def test_it_is_what_it_claims_to_be(make_bench: MakeBench) -> None:
     vehicle = make_bench(boot=False).vehicle
     assert vehicle.firmware.sw_version == 4 << 24 | 7 << 16 | 1 << 8 | OFFICIAL
     system = "00017669736f" + 20 * "0"
-    assert vehicle.banner() == ("ArduCopter V4.7.1 (0932dd82)", system, "Frame: QUAD/PLUS")
+    assert vehicle.banner() == ("ArduCopter V4.7.1 (dbe79216)", system, "Frame: QUAD/PLUS")
     assert vehicle.copter.custom_mode() == 0
 
 

@@ -3,7 +3,6 @@
 """The events of a flight in a log besides its motion: arming, lift-off, source sets, the origin, and the GPS."""
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from typing import Final
 
@@ -13,7 +12,6 @@ import numpy.typing as npt
 from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.inputs.measurements import FIX_3D, USUAL_LAG_S, Array, GpsSample
 from viso.logs.filter_records import rows_of
 from viso.vehicle.sensors.flight import (
@@ -38,8 +36,6 @@ _EKF_ORIGIN: Final = 0  # of ORGN.Type
 _HIGHEST_M: Final = 1e6
 _NOT_KNOWN: Final = 655.35  # of GPA's accuracies
 _UBLOX_LAG_S: Final = 0.12  # from series 7 on
-_INITIALISED: Final = re.compile(r"EKF3 IMU\d initialised")
-_START_UP_US: Final = 2_000_000
 
 
 def events_of(log: LogColumns) -> tuple[Event, ...]:
@@ -132,14 +128,6 @@ def _lags_s(log: LogColumns, begins: Ints) -> Array:
     is_ublox = any("u-blox" in str(text) for _, text in rows_of(log, "MSG", "Message"))
     by_kind_s = _UBLOX_LAG_S if is_ublox else USUAL_LAG_S
     return np.full(len(begins), 1e-3 * delay_ms if delay_ms > 0 else by_kind_s)
-
-
-def ahrs_start_us(log: LogColumns) -> int:
-    """Return when the AHRS of a log started: its filter is initialised 2 s later, and says so."""
-    texts = rows_of(log, "MSG", "Message")
-    began_us = next((int(time_us) for time_us, text in texts if _INITIALISED.fullmatch(str(text))), None)
-    start_us = AHRS_START_US if began_us is None else began_us - _START_UP_US
-    return start_us if start_us > 0 else AHRS_START_US
 
 
 def _quality(log: LogColumns, time_us: Array) -> Array:

@@ -15,9 +15,9 @@ import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
 from ekf_stub.inputs.measurements import Array
-from viso.logs.recorded import valid_positions
+from viso.logs.recorded import ahrs_start_us, valid_positions
 from viso.vehicle.sensors.flight import PASS_US, REST_S, Basis, Flight, Ints, chosen, growing, imu_of, parameters
-from viso.vehicle.sensors.flown.events import ahrs_start_us, events_of, gps_of
+from viso.vehicle.sensors.flown.events import events_of, gps_of
 from viso.vehicle.sensors.flown.slow_sensors import slow_sensors
 
 GAP_S: Final = 0.5

@@ -14,9 +14,9 @@ from ap_core.dataflash_columns import LogColumns
 from ekf_stub.core.imus import MAX_IMUS
 from ekf_stub.inputs.measurements import Array
 from ekf_stub.log.replay_log import INERTIAL, TAKEOFF_EXPECTED, TOUCHDOWN_EXPECTED, USE_ACCEL, USE_GYRO
-from viso.logs.recorded import valid_positions
+from viso.logs.recorded import ahrs_start_us, valid_positions
 from viso.vehicle.sensors.flight import Basis, Flight, FlownImu, Ints, Readings, chosen, growing, imu_of, readings
-from viso.vehicle.sensors.flown.events import ahrs_start_us, events_of, gps_of
+from viso.vehicle.sensors.flown.events import events_of, gps_of
 from viso.vehicle.sensors.flown.slow_sensors import slow_sensors
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Following a vehicle's filter."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -158,7 +159,7 @@ def test_times_are_those_of_the_vehicle(rig: Rig) -> None:
 
 
 def test_vehicle_without_a_filter_cannot_be_followed() -> None:
-    at_rest = RecordedStates(np.zeros(1), np.zeros((1, 3)), np.zeros(0), np.zeros((0, 3)))
+    at_rest = RecordedStates(np.zeros(1), np.zeros((1, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), math.inf)
     config = VehicleConfig(lambda vehicle: RecordedAhrs(vehicle.clock, vehicle.sources, vehicle.replay_log, at_rest))
     vehicle = Vehicle(config)
     with pytest.raises(ValueError, match="without a filter"):
