@@ -251,7 +251,7 @@ def test_yaw_source_of_the_chosen_set_counts(make_bench: MakeBench) -> None:
 
 @pytest.mark.slow
 def test_camera_not_in_use_is_aligned_to_the_estimate(make_bench: MakeBench) -> None:
-    bench = make_bench(make_ahrs=gps_bench, VISO_TYPE=3, EK3_SRC1_POSXY=3, EK3_SRC2_POSXY=6)
+    bench = make_bench(make_ahrs=gps_bench, firmware=JULY_2025, VISO_TYPE=3, EK3_SRC1_POSXY=3, EK3_SRC2_POSXY=6)
     bench.run_to(47)
     bench.see(0.5, x=5.0, y=-2.0)
     last = bench.written("VISP")[-1]
