@@ -138,7 +138,7 @@ def play(
     encoding: Annotated[
         CovarianceEncoding,
         typer.Option(
-            help="Of covariances: as MAVLink defines them, or so that ArduPilot gets the standard deviations."
+            help="Of covariances: as MAVLink defines them, or so that ArduPilot up to 4.6 gets the standard deviations."
         ),
     ] = CovarianceEncoding.VARIANCE,
     quality: Annotated[int, typer.Option(help="Of every pose, -1 to 100; the confidence of changes.")] = 100,

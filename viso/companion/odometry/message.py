@@ -45,8 +45,9 @@ def edge_covariance(covariance_6x6: Array, local_R_body: Array, local_to_frd: Ar
 def encoded(matrix: Array | None, encoding: CovarianceEncoding) -> tuple[float, ...]:
     """Return the upper triangle, row by row, of a covariance [6, 6] in the message's order and axes.
 
-    ArduPilot takes the cube root of the sum of the squared diagonal elements for a sigma. ``ARDUPILOT_ERROR`` writes
-    diagonals for which that gives the root mean variance of the three axes; the other elements are 0 then.
+    ArduPilot up to 4.6 takes the cube root of the sum of the squared diagonal elements for a sigma.
+    ``ARDUPILOT_ERROR`` writes diagonals for which that gives the root mean variance of the three axes; the other
+    elements are 0 then.
 
     Args:
         matrix: None if unknown; the first element is NaN then, as the message defines it.

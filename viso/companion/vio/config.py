@@ -41,7 +41,7 @@ class AglSource(enum.StrEnum):
 
 
 class CovarianceEncoding(enum.StrEnum):
-    """What the covariances of ODOMETRY hold."""
+    """What the covariances of ODOMETRY hold: variances, or what makes ArduPilot up to 4.6 compute their roots."""
 
     VARIANCE = "variance"
     ARDUPILOT_ERROR = "ardupilot_error"
