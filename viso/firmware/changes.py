@@ -5,7 +5,7 @@
 A revision is one of the firmware's master, and its date is that of the merge.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -95,7 +95,7 @@ _TEXTS: Final[Mapping[Callable[..., object], str]] = {
 """What the functions do that are a release's choice."""
 
 
-def _named(names: Iterator[str]) -> str:
+def _named(names: Iterable[str]) -> str:
     return ", ".join(f"`{name}`" for name in names) or "none"
 
 
@@ -113,6 +113,13 @@ _PARAMETERS, _LOG, _ROS = "parameters", "log", "ROS 2"
 _ALIGNMENT: Final = (Upstream("e03eede3ae", "2025-07-22"),)
 _VELOCITY_COVARIANCE: Final = (Upstream("745a0d05a7", "2026-03-20"), Upstream("c63c51ea3d", "2026-03-20"))
 _MAV_NAMESPACE: Final = (Upstream("594d78ce6f", "2025-04-07"),)
+
+
+def _answer(what: str, yes: str, no: str, name: str, *upstream: Upstream) -> Difference:
+    """Return a row of EndpointRelease that has one of two values; what it does was read."""
+    return Difference(
+        _ENDPOINT, what, lambda one: yes if getattr(one.endpoint, name) else no, f"endpoint.{name}", upstream
+    )
 
 
 def _flag(what: str, name: str, *upstream: Upstream, is_recorded: bool = False) -> Difference:
@@ -207,6 +214,112 @@ DIFFERENCES: Final[tuple[Difference, ...]] = (
         lambda one: _TEXTS[one.endpoint.resets_parameters],
         "endpoint.resets_parameters",
         (Upstream("d394a0b390", "2026-03-16"),),
+    ),
+    _answer(
+        "MAV_CMD_REQUEST_MESSAGE of MESSAGE_INTERVAL",
+        "answered",
+        "refused",
+        "tells_interval_on_request",
+        Upstream("d1b81b1505", "2025-04-21"),
+    ),
+    _answer("an origin of 0, 0, 0", "refused", "taken", "refuses_zero_origin", Upstream("e85dbced46", "2025-05-02")),
+    Difference(
+        _ENDPOINT,
+        "altitude in SET_GPS_GLOBAL_ORIGIN",
+        lambda one: "any" if (most := one.endpoint.most_origin_alt_mm) is None else f"up to {most / 1e6:g} km",
+        "endpoint.most_origin_alt_mm",
+        (Upstream("700d118a4e", "2025-10-12"),),
+    ),
+    Difference(
+        _ENDPOINT,
+        "messages that it does not know",
+        lambda one: _named(sorted(one.endpoint.unknown_messages)),
+        "endpoint.unknown_messages",
+        (
+            Upstream("26152416ab", "2024-11-13"),
+            Upstream("55936895e3", "2024-11-26"),
+            Upstream("e746ae13db", "2025-03-17"),
+            Upstream("b85714b95e", "2025-09-29"),
+        ),
+    ),
+    Difference(
+        _ENDPOINT,
+        "messages that no stream group has",
+        lambda one: _named(sorted(one.endpoint.unstreamed)),
+        "endpoint.unstreamed",
+        (Upstream("75d055e81a", "2025-10-07"),),
+    ),
+    Difference(
+        _ENDPOINT,
+        "MAV_CMD_DO_SET_GLOBAL_ORIGIN",
+        lambda one: "unknown" if one.endpoint.unknown_commands else "known",
+        "endpoint.unknown_commands",
+        (Upstream("e85dbced46", "2025-05-02"),),
+    ),
+    _answer(
+        "restart of another component",
+        "restarts the autopilot",
+        "does not",
+        "reboots_for_others",
+        Upstream("8be74753a5", "2025-11-18"),
+    ),
+    _answer(
+        "dropped packets and log messages in SYS_STATUS",
+        "counted",
+        "0",
+        "counts_drops",
+        Upstream("31ed42f873", "2025-05-29"),
+        Upstream("b6157591ec", "2025-06-03"),
+    ),
+    Difference(
+        _ENDPOINT,
+        "fields_updated of HIGHRES_IMU",
+        lambda one: f"{one.endpoint.all_sensors_updated:#x}",
+        "endpoint.all_sensors_updated",
+        (Upstream("a81c79a1b0", "2025-02-10"),),
+    ),
+    Difference(
+        _ENDPOINT,
+        "silence of telemetry over its delay",
+        lambda one: f"{1.024 * one.endpoint.telem_delay_more:g} s",
+        "endpoint.telem_delay_more",
+        (Upstream("282a737c5d", "2025-04-07"),),
+    ),
+    _answer(
+        "MAV_CMD_DO_CHANGE_SPEED without a speed",
+        "DENIED",
+        "FAILED",
+        "refuses_speed_of_0",
+        Upstream("f91d001803", "2025-07-08"),
+    ),
+    _answer("names of flight modes", "words", "capitals", "spells_modes_out", Upstream("56ba113f0b", "2026-01-19")),
+    _answer(
+        "modes that a user cannot select in AVAILABLE_MODES",
+        "marked",
+        "not marked",
+        "lists_selectable_modes",
+        Upstream("c500ce1a13", "2026-02-16"),
+    ),
+    _answer(
+        "calibration of a barometer",
+        "in progress, then done",
+        "done",
+        "calibrates_in_steps",
+        Upstream("a7dc2bac36", "2025-05-22"),
+    ),
+    _answer(
+        "home as an item of the mission",
+        "counts",
+        "does not count",
+        "counts_home",
+        Upstream("2c816c8841", "2025-01-28"),
+    ),
+    _answer(
+        "request for an item that does not exist",
+        "answered by the kind of mission",
+        "out of sequence",
+        "tells_bad_items_by_type",
+        Upstream("4161c425d1", "2025-02-06"),
     ),
     Difference(
         _SENSORS,
