@@ -9,15 +9,15 @@ import typer
 from viso.errors import InputError
 from viso.firmware.releases import ALIASES, DEFAULT, PROFILES, Firmware
 
-FirmwareOption = Annotated[
-    str, typer.Option("--firmware", help=f"The firmware to be: {', '.join(PROFILES)}.", metavar="PROFILE")
-]
+_OLD_NAMES = (f"{alias} is {name}, the master of {PROFILES[name].date}" for alias, name in ALIASES.items())
+_NAMES = "; ".join((", ".join(PROFILES), *_OLD_NAMES))
+FirmwareOption = Annotated[str, typer.Option("--firmware", help=f"The firmware to be: {_NAMES}.", metavar="PROFILE")]
 DEFAULT_FIRMWARE = DEFAULT.name
 RecordedFirmwareOption = Annotated[
     str | None,
     typer.Option(
         "--firmware",
-        help=f"The firmware to be: {', '.join(PROFILES)}; default that nearest to what flew in the recording, "
+        help=f"The firmware to be: {_NAMES}; default that nearest to what flew in the recording, "
         f"{DEFAULT_FIRMWARE} if that is not known.",
         metavar="PROFILE",
     ),

@@ -77,7 +77,7 @@ def report_on(material: Mapping[str, Any]) -> dict[str, Any]:
     findings, summary = diagnose(evidence, all_checks()), summarise(evidence)
     lines = [line.plain for finding in findings for line in finding_lines(finding, None)]
     count = count_text(findings)
-    text = "\n".join([*lines, *summary_lines(summary), f"{NAME}: {count}", ""])
+    text = "\n".join([*lines, str(evidence.set_up.judged_by), *summary_lines(summary), f"{NAME}: {count}", ""])
     text_of_report = json.dumps(as_json(evidence, summary, findings))
     return {"count": count, "text": text, "json": json.loads(text_of_report, parse_constant=lambda _: None)}
 
