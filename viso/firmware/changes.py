@@ -331,6 +331,7 @@ DIFFERENCES: Final[tuple[Difference, ...]] = (
         ),
         "reads_flow_rates",
         (Upstream("9e2d679d94", "2025-07-22"),),
+        is_recorded=True,
     ),
     _flag(
         "aiding resets height only to the source of height",
