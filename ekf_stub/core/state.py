@@ -183,6 +183,8 @@ class State:
             return
         self._aided = aided
         self._set_dt(dt_ekf_avg)
+        if self.learns_biases:
+            self._max_accel_bias = limited(self._params.ACC_BIAS_LIM, 0.0, _MAX_ACCEL_BIAS_SIGMA) * dt_ekf_avg
         angle, velocity = sub(step.del_ang, self.gyro_bias), sub(step.del_vel, self.accel_bias)
         self._move(step, dt_ekf_avg, aided)
         if self.learns_biases:
@@ -404,8 +406,9 @@ class State:
         w, x, y, z = w + g[0] * by, x + g[1] * by, y + g[2] * by, z + g[3] * by
         if w * w + x * x + y * y + z * z > 0.0:
             self.quat = normalized((w, x, y, z))
-        self.vel = add(self.vel, (g[4] * by, g[5] * by, g[6] * by))
-        self.pos = add(self.pos, (g[7] * by, g[8] * by, g[9] * by))
+        self.vel = within_vel(add(self.vel, (g[4] * by, g[5] * by, g[6] * by)))
+        self.pos = within_pos(add(self.pos, (g[7] * by, g[8] * by, g[9] * by)))
+        # Biases may leave their limits until the next prediction (ConstrainStates).
         self.gyro_bias = add(self.gyro_bias, (g[10] * by, g[11] * by, g[12] * by))
         self.accel_bias = add(self.accel_bias, (g[13] * by, g[14] * by, g[15] * by))
         if self.learns_field:
@@ -413,7 +416,6 @@ class State:
             self.body_field = add(self.body_field, (g[19] * by, g[20] * by, g[21] * by))
             self.earth_field = within(self.earth_field, _MAX_EARTH_FIELD)
             self.body_field = within(self.body_field, _MAX_BODY_FIELD)
-        self._limit()
 
     # Resets
 

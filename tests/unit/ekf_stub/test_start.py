@@ -8,6 +8,7 @@ from itertools import pairwise
 import pytest
 
 from ap_core.location import Location
+from ekf_stub.core.covariance import GYRO
 from ekf_stub.core.params import EkfSources
 from ekf_stub.core.vectors import euler_of
 from ekf_stub.release import APRIL_2026, JULY_2025
@@ -130,6 +131,26 @@ def test_gyro_that_feels_the_earth_turn_shows_no_turn_of_the_vehicle() -> None:
     # THEN it neither rolls nor finds a bias
     assert abs(euler_of(rig.core.state.quat)[0]) < 1e-4
     assert abs(rig.report.gyro_bias[0]) < 0.05 * rate
+
+
+# Limits of biases
+
+
+@pytest.mark.parametrize(("rate", "kept"), [(0.4, 0.4), (0.6, 0.5)])
+def test_bias_of_a_gyro_is_at_most_half_a_radian_a_second(rate: float, kept: float) -> None:
+    state, dt = standing().core.state, standing().core.dt_ekf_avg
+    state.set_gyro_bias((rate * dt, 0.0, 0.0))
+    assert state.gyro_bias[0] == pytest.approx(kept * dt)
+    assert state.cov.var(GYRO) <= (0.175 * dt) ** 2
+
+
+def test_bias_of_an_accelerometer_is_limited_by_the_parameter_as_it_is() -> None:
+    rig = standing(loop_us=SLOW_LOOP_US, ACC_BIAS_LIM=1.0)
+    rig.core.state.set_accel_bias((0.8 * rig.core.dt_ekf_avg, 0.0, 0.0))
+    rig.set_param("ACC_BIAS_LIM", 0.3)
+    rig.step()
+    rig.step()
+    assert rig.report.accel_bias[0] == pytest.approx(0.3, abs=0.01)
 
 
 # Tilt
