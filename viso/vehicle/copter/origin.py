@@ -47,7 +47,8 @@ class Origin:
             self.note(origin)
         elif kept is not None and vehicle.ahrs.get_velocity_NED() is not None and vehicle.set_origin(kept):
             lat, lon, alt = (float(vehicle.params.get_float(name)) for name in _NAMES)
-            vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"AHRS: using recorded origin:{lat:.7f},{lon:.7f},{alt:.1f}")
+            place = f"{_seven_digits(lat)},{_seven_digits(lon)},{alt:.1f}"
+            vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"AHRS: using recorded origin:{place}")
             vehicle.endpoint.request_message_everywhere("GPS_GLOBAL_ORIGIN")
 
     def note(self, origin: Location) -> None:
@@ -74,3 +75,9 @@ class Origin:
             return None
         alt_cm = int_of_float(float(alt * f32(100)))
         return Location(int_of_float(float(lat) * 1e7), int_of_float(float(lon) * 1e7), alt_cm)
+
+
+def _seven_digits(value: float) -> str:
+    """Return a number as the firmware prints it with 7 decimals: it has no more than 7 digits that count."""
+    whole_digits = len(str(int(abs(value)))) if abs(value) >= 1 else 0
+    return f"{value:.{7 - whole_digits}f}"
