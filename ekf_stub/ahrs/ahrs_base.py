@@ -156,8 +156,8 @@ class AhrsBase:
 
     def get_location(self) -> Location | None:
         """Return where the vehicle is, or None without origin or position."""
-        position = self.get_relative_position_NED_origin_float()
-        return None if self._origin is None or position is None else self._origin.offset(position)
+        origin, position = self.origin(), self.get_relative_position_NED_origin_float()
+        return None if origin is None or position is None else origin.offset(position)
 
     def get_filter_status(self) -> FilterStatus | None:
         """Return the status of the filter, or None without a filter that runs."""

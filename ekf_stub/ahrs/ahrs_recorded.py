@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from ap_core.clock import VirtualClock
 from ap_core.fmath import f32
+from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
@@ -31,6 +32,7 @@ class RecordedStates:
         vel_ned: shape (m, 3), m/s NED, of the same records.
         pos_start_us: when the position became valid: at the first of these records, or shortly before it.
         start_us: when the AHRS started.
+        gps_origin: when the EKF took its origin from GPS, and the place; None if a client set it, or nobody did.
     """
 
     att_time_us: Array
@@ -40,6 +42,7 @@ class RecordedStates:
     vel_ned: Array
     pos_start_us: float
     start_us: int = AHRS_START_US
+    gps_origin: tuple[float, Location] | None = None
 
     def __post_init__(self) -> None:
         if len(self.att_time_us) == 0:
@@ -66,6 +69,14 @@ class RecordedAhrs(AhrsBase):
     def _at_now(self, time_us: Array, values: Array) -> list[float]:
         now_us = float(self._clock.micros64())
         return [float(np.interp(now_us, time_us, column)) for column in values.T]
+
+    def origin(self) -> Location | None:
+        """Return the origin that was set, or that of the log from when its GPS gave one."""
+        if self._origin is None and self._states.gps_origin is not None:
+            time_us, place = self._states.gps_origin
+            if self._clock.micros64() >= time_us:
+                self._origin = place
+        return self._origin
 
     def dcm_yaw_initialised(self) -> bool:
         """Return whether the log has an attitude by now."""

@@ -14,11 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ap_core.dataflash_columns import LogColumns
+from ap_core.location import Location
 from ap_core.log_structure import FMT, HEAD_BYTE1, HEAD_BYTE2
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.ahrs.ahrs_recorded import RecordedStates
 from mav_handlers.links.packed import open_packed
 from viso.errors import InputError
+from viso.logs.vehicle_log import ORGN_EKF
 
 Array = npt.NDArray[np.float64]
 
@@ -108,9 +110,10 @@ def recorded_states(path: Path, log: LogColumns) -> RecordedStates:
     with _as_input_errors(path):
         attitude = table_of(log, "ATT", ("TimeUS", "Roll", "Pitch", "Yaw"))
         state = _valid_states(log, ("PN", "PE", "PD", "VN", "VE", "VD"), core=0)
+        origin = _gps_origin(log)
         start_us, pos_start_us = ahrs_start_us(log), _position_start_us(log, state[:, 0])
     return RecordedStates(
-        attitude[:, 0], attitude[:, 1:], state[:, 0], state[:, 1:4], state[:, 4:], pos_start_us, start_us
+        attitude[:, 0], attitude[:, 1:], state[:, 0], state[:, 1:4], state[:, 4:], pos_start_us, start_us, origin
     )
 
 
@@ -137,6 +140,18 @@ def ahrs_start_us(log: LogColumns) -> int:
     initialised_us = next((time_us for time_us, text in _texts(log) if _EKF3_INITIALISED.fullmatch(text)), 0)
     start_ms = initialised_us // 1000 - _START_UP_MS
     return start_ms * 1000 if start_ms > 0 else AHRS_START_US
+
+
+def _gps_origin(log: LogColumns) -> tuple[float, Location] | None:
+    """Return when the EKF took its origin from GPS, and the place; RSO3 tells of one that a client sets."""
+    if not log.counts.get("ORGN") or log.counts.get("RSO3"):
+        return None
+    rows = table_of(log, "ORGN", ("TimeUS", "Type", "Lat", "Lng", "Alt"))
+    of_ekf = rows[rows[:, 1] == ORGN_EKF]
+    if len(of_ekf) == 0:
+        return None
+    time_us, _, lat, lng, alt = of_ekf[0].tolist()
+    return time_us, Location(round(lat * 1e7), round(lng * 1e7), round(alt * 100))
 
 
 def table_of(log: LogColumns, kind: str, labels: Sequence[str]) -> Array:

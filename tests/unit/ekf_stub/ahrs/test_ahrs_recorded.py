@@ -3,6 +3,7 @@
 """Attitude and position of a log between its records."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,12 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ap_core.clock import VirtualClock
+from ap_core.location import Location
 from ap_core.log_structure import LogStructure
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
 from ekf_stub.core.params import EkfSources
 from ekf_stub.log.ext_nav_log import ExtNavLog
 
 Rows = list[tuple[float, ...]]
+PLACE = Location(-353_632_610, 1_491_652_300, 58_400)
 
 
 class NoRecords:
@@ -120,3 +123,19 @@ def test_there_is_no_position_in_a_log_without_any() -> None:
 def test_states_without_an_attitude_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one ATT"):
         states([])
+
+
+def test_origin_is_that_of_the_logs_gps_from_its_time_on() -> None:
+    recorded = replace(states([(3, 0, 0, 0)], [(3, 0, 0, -2, 0, 0, 0)]), gps_origin=(5e6, PLACE))
+    assert at(4.9, recorded).origin() is None
+    assert at(5, recorded).origin() == PLACE
+    location = at(5, recorded).get_location()
+    assert location is not None
+    assert location.alt_cm == PLACE.alt_cm + 200
+
+
+def test_origin_that_was_set_stays() -> None:
+    ahrs = at(4.9, replace(states([(3, 0, 0, 0)]), gps_origin=(5e6, PLACE)))
+    other = Location(1, 2, 3)
+    assert ahrs.set_origin(other)
+    assert ahrs.origin() == other

@@ -12,11 +12,12 @@ from typing import Any
 import pytest
 
 from ap_core.dataflash import DataFlashWriter
+from ap_core.location import Location
 from ap_core.log_field import LogValue
 from ap_core.log_structure import ATT, COMMON_STRUCTURES, FMT, MSG
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from tests.dfreader import read_log
-from tests.places import RECORDED
+from tests.places import DATA, RECORDED
 from viso.errors import InputError
 from viso.logs.recorded import read_columns, read_recorded_states, records_in
 
@@ -243,3 +244,12 @@ def test_log_without_a_needed_field_is_refused(path: Path) -> None:
     other = writer.define("ATT", "TimeUS,Roll", "Qf")
     path.write_bytes(b"".join(writer.start_up([], time_us=0)) + writer.record(other, (1, 2.0)))
     assert error_of(path) == f"{path}: not a DataFlash log: 'Pitch'"
+
+
+def test_origin_is_read_where_gps_gave_it() -> None:
+    found = read_recorded_states(DATA / "reflown" / "gps_extnav_t265.BIN.xz").gps_origin
+    assert found is not None
+    time_us, place = found
+    assert time_us == pytest.approx(20e6, abs=1e5)
+    assert place == Location(-353_632_610, 1_491_652_299, 58_409)
+    assert read_recorded_states(FIRMWARE_LOG).gps_origin is None  # a client set it
