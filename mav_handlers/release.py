@@ -60,6 +60,7 @@ class EndpointRelease:
         velocity_error: computes the error of a velocity (m/s) from the covariance of VISION_SPEED_ESTIMATE.
         unknown_messages: what it cannot send, of all that some release can: a rate or a request for one is refused.
         unstreamed: what it can send, but has in no stream group, of what others have there.
+        sends_disabled_gps: whether there is a GPS_RAW_INT while GPS1_TYPE is 0.
         unknown_commands: commands that it does not support, of all that some release does.
         tells_interval_on_request: whether MAV_CMD_REQUEST_MESSAGE of MESSAGE_INTERVAL is answered.
         refuses_zero_origin: whether latitude, longitude and altitude of 0 are no origin (GCS_MAVLINK::set_ekf_origin).
@@ -69,6 +70,8 @@ class EndpointRelease:
         all_sensors_updated: HIGHRES_IMU.fields_updated if all sensors are there.
         telem_delay_more: telemetry waits for so much more than its delay, in units of 1024 ms.
         refuses_speed_of_0: the answer to MAV_CMD_DO_CHANGE_SPEED without a positive speed: DENIED if true, else FAILED.
+        stops_at_forces: whether a target that asks for a force, which is not supported, makes a vehicle in GUIDED hold;
+            otherwise it does nothing.
         spells_modes_out: whether names of flight modes are words; otherwise they are in capitals.
         lists_selectable_modes: whether AVAILABLE_MODES tells which modes a user cannot select.
         calibrates_in_steps: whether the calibration of a barometer is acknowledged as in progress, and again when it is
@@ -89,6 +92,7 @@ class EndpointRelease:
     velocity_error: Callable[[Sequence[float]], np.float32] = no_velocity_error
     unknown_messages: frozenset[str] = frozenset({"AOA_SSA", "DEEPSTALL", "RC_CHANNELS_SCALED"})
     unstreamed: frozenset[str] = frozenset()
+    sends_disabled_gps: bool = True
     unknown_commands: frozenset[int] = frozenset()
     tells_interval_on_request: bool = True
     refuses_zero_origin: bool = True
@@ -98,6 +102,7 @@ class EndpointRelease:
     all_sensors_updated: int = 0x1FFF
     telem_delay_more: int = 0
     refuses_speed_of_0: bool = True
+    stops_at_forces: bool = True
     spells_modes_out: bool = False
     lists_selectable_modes: bool = False
     calibrates_in_steps: bool = False
@@ -121,6 +126,7 @@ STABLE_4_6: Final = replace(
     all_sensors_updated=0xFFFF,
     telem_delay_more=1,
     refuses_speed_of_0=False,
+    stops_at_forces=False,
     calibrates_in_steps=True,
     counts_home=False,
     tells_bad_items_by_type=True,
@@ -133,6 +139,7 @@ FEBRUARY_2026: Final = EndpointRelease(
     MAV_NAMES_WITH_RANGE,
     unknown_messages=JULY_2025.unknown_messages | {"HWSTATUS"},
     unstreamed=frozenset({"RANGEFINDER"}),
+    sends_disabled_gps=False,
     most_origin_alt_mm=83_000_000,
     reboots_for_others=False,
     spells_modes_out=True,

@@ -40,17 +40,20 @@ MOST_SANE: Final = 1000.0
 _Three = tuple[float, float, float]
 
 
-def _flight_in_guided(ctx: Context) -> FlightControl | Verdict:
+def _flight_in_guided(ctx: Context, type_mask: int) -> FlightControl | Verdict:
     """Return the flight controller, or the verdict that says why a target has no effect."""
     flight = ctx.vehicle.copter.flight
     if flight is None:
         return NO_FLIGHT
-    return flight if ctx.vehicle.copter.custom_mode() == GUIDED else NOT_GUIDED
+    if ctx.vehicle.copter.custom_mode() != GUIDED:
+        return NOT_GUIDED
+    is_force = type_mask & FORCE_SET and not type_mask & ACC_IGNORE
+    return TARGET_REFUSED if is_force and not ctx.vehicle.release.stops_at_forces else flight
 
 
 def handle_set_position_target_local_ned(ctx: Context, message: SET_POSITION_TARGET_LOCAL_NED) -> Verdict:
     """Fly to a position, or at a velocity or acceleration; an unsupported combination makes the vehicle hold."""
-    flight = _flight_in_guided(ctx)
+    flight = _flight_in_guided(ctx, message.type_mask)
     if isinstance(flight, Verdict):
         return flight
     frame = message.coordinate_frame
@@ -73,7 +76,7 @@ def handle_set_position_target_local_ned(ctx: Context, message: SET_POSITION_TAR
 
 def handle_set_position_target_global_int(ctx: Context, message: SET_POSITION_TARGET_GLOBAL_INT) -> Verdict:
     """Fly to a global position, or at a velocity or acceleration; there is no terrain data."""
-    flight = _flight_in_guided(ctx)
+    flight = _flight_in_guided(ctx, message.type_mask)
     if isinstance(flight, Verdict):
         return flight
     place = None

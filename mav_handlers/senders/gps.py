@@ -48,8 +48,13 @@ def _yaw_cdeg(sample: GpsSample) -> int:
 
 
 @quiet_overflow
-def gps_raw_int(vehicle: Vehicle, _channel: Channel, _now_us: int) -> GPS_RAW_INT:
-    """The GPS's newest solution; without a GPS fix 0, dilutions unknown, all else 0 (AP_GPS::send_mavlink_gps_raw)."""
+def gps_raw_int(vehicle: Vehicle, _channel: Channel, _now_us: int) -> GPS_RAW_INT | None:
+    """The GPS's newest solution; without a GPS fix 0, dilutions unknown, all else 0 (AP_GPS::send_mavlink_gps_raw).
+
+    A release may send none for GPS1_TYPE 0 (``EndpointRelease.sends_disabled_gps``).
+    """
+    if vehicle.params.get_int("GPS1_TYPE") == 0 and not vehicle.release.sends_disabled_gps:
+        return None
     sample = vehicle.gps.sample()
     if sample is None:
         return GPS_RAW_INT(0, 0, 0, 0, 0, UNKNOWN_DOP, UNKNOWN_DOP, 0, 0, 0)

@@ -136,7 +136,8 @@ _STREAMS: Final = tuple(
 _MAV_LINK: Final = (
     *_STREAMS,
     ParamInfo("_OPTIONS", INT16, 0, "Bits: 1 forward nothing, 2 ignore stream requests", reboot_required=True),
-    ParamInfo("_OPTIONSCNV", INT8, 0, "Whether options of older firmware were taken over", flags=ParamFlag.HIDDEN),
+    # The firmware's default is 0, and its start sets 1.
+    ParamInfo("_OPTIONSCNV", INT8, 1, "Whether options of older firmware were taken over", flags=ParamFlag.HIDDEN),
 )
 
 

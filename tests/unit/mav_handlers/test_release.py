@@ -13,6 +13,7 @@ from ap_core.param import ParamTable
 from mav_handlers.params.names import link_options_of_port, options_of_port
 from mav_handlers.senders.inertial import highres_imu
 from mav_handlers.senders.sys_status import sys_status
+from mav_handlers.verdicts import TARGET_REFUSED
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
@@ -20,6 +21,7 @@ from mav_handlers.wire.messages import (
     COMMAND_ACK,
     COMMAND_INT,
     GPS_GLOBAL_ORIGIN,
+    GPS_RAW_INT,
     HEARTBEAT,
     MISSION_ACK,
     MISSION_COUNT,
@@ -33,6 +35,7 @@ from mav_handlers.wire.messages import (
     RANGEFINDER,
     REQUEST_DATA_STREAM,
     SET_GPS_GLOBAL_ORIGIN,
+    SET_POSITION_TARGET_LOCAL_NED,
     STATUSTEXT,
     VISION_POSITION_ESTIMATE,
     Message,
@@ -273,6 +276,16 @@ def test_message_that_only_some_releases_can_send(make_bench: "MakeBench", name:
 
 
 @every_firmware
+def test_gps_that_is_disabled_is_told_of_up_to_july_2025(make_bench: "MakeBench", firmware: Firmware) -> None:
+    for gps_type in (0, 14):
+        bench = make_bench(firmware=firmware, GPS1_TYPE=gps_type)
+        assert bench.client.command(REQUEST_MESSAGE, message_id("GPS_RAW_INT")) == ACCEPTED
+        bench.run_ms(10)
+        came = len(bench.client.read_of(GPS_RAW_INT))
+        assert came == (1 if gps_type or firmware in (STABLE_4_6, JULY_2025) else 0)
+
+
+@every_firmware
 def test_range_is_streamed_up_to_july_2025(make_bench: "MakeBench", firmware: Firmware) -> None:
     bench = make_bench(firmware=firmware, RNGFND1_TYPE=10, RNGFND1_ORIENT=25)
     bench.client.tell(REQUEST_DATA_STREAM(1, 1, 12, 10, 1))
@@ -416,6 +429,21 @@ def test_modes_that_cannot_be_selected_are_told_since_4_7(make_bench: "MakeBench
     assert hidden == (
         {ModeNumber.FOLLOW, ModeNumber.FLOWHOLD, ModeNumber.SYSTEMID, ModeNumber.TURTLE} if told else set()
     )
+
+
+@every_firmware
+def test_force_makes_the_vehicle_hold_since_july_2025(
+    make_bench: "MakeBench", firmware: Firmware, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, held = make_bench(firmware=firmware, flies=True), list[object]()
+    copter = bench.vehicle.copter
+    assert copter.flight is not None
+    copter.set_mode(ModeNumber.GUIDED)
+    monkeypatch.setattr(copter.flight, "guide", held.append)
+    ignored = 0b111_111 | 1 << 10 | 1 << 11  # all but the acceleration, which is a force by bit 9
+    target = SET_POSITION_TARGET_LOCAL_NED(0, 1, 1, 1, ignored | 1 << 9, 0, 0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0)
+    assert bench.client.tell(target) is TARGET_REFUSED
+    assert held == ([] if firmware is STABLE_4_6 else [None])
 
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, math.nan])

@@ -13,7 +13,7 @@ from ap_core.param import ParamTable
 from ap_visualodom.ap_visualodom import make_params
 from tests.places import DATA, PARITY, RECORDED
 from tests.unit.viso.log_records import records
-from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
+from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, STABLE_4_7, Firmware
 from viso.parameters import flying
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
@@ -44,10 +44,11 @@ SIMULATED: Final = ("FLTMODE", "FRAME_TYPE", "COMPASS_OFS", "COMPASS_DEV_ID", "I
 """Of the simulated vehicle alone: flight modes, offsets and ranges of its sensors and sticks."""
 LISTED: Final = {
     STABLE_4_6.name: DATA / "parameters" / "4.6.3.txt",
+    STABLE_4_7.name: DATA / "parameters" / "4.7.1.txt",
 }
 OURS: Final = {"FRAME_CLASS", "LOG_DISARMED", "STAT_BOOTCNT", "VISO_TYPE"}
 """Defaults that are ours, or of the simulator's start."""
-listed_firmware = pytest.mark.parametrize("firmware", [STABLE_4_6], ids=lambda one: one.name)
+listed_firmware = pytest.mark.parametrize("firmware", [STABLE_4_6, STABLE_4_7], ids=lambda one: one.name)
 recorded_firmware = pytest.mark.parametrize(
     "firmware", [JULY_2025, FEBRUARY_2026, APRIL_2026], ids=lambda one: one.name
 )
