@@ -32,7 +32,17 @@ from ekf_stub.core.inertial import GRAVITY_MSS, LOOP_DT, MIN_DT, DownSampler, In
 from ekf_stub.core.inputs import CoreInputs
 from ekf_stub.core.odometry import BodyOdometry
 from ekf_stub.core.output import OutputPredictor
-from ekf_stub.core.params import COMPASS, EXTNAV, GPS, NONE, RANGEFINDER, EkfSources, Params
+from ekf_stub.core.params import (
+    COMPASS,
+    EXTNAV,
+    GPS,
+    GPS_COMPASS_FALLBACK,
+    GPS_YAW,
+    NONE,
+    RANGEFINDER,
+    EkfSources,
+    Params,
+)
 from ekf_stub.core.ranges import RangeFinders
 from ekf_stub.core.resets import Resets
 from ekf_stub.core.samples import HALF_FILTER_STEP_MS, SENSOR_INTERVAL_MIN_MS, BaroSample, RingSizes
@@ -56,6 +66,7 @@ from ekf_stub.core.vectors import (
     smaller,
     square,
     sub,
+    to_body,
 )
 from ekf_stub.core.vel_pos import VelPosFusion
 from ekf_stub.core.yaw_fusion import IN_USE_MS as YAW_IN_USE_MS
@@ -452,9 +463,14 @@ class Core:
         )
 
     def _knows_gyro_bias(self, dt_ekf_avg: float) -> bool:
-        cov = self.state.cov
-        worst = larger(larger(cov.var(GYRO), cov.var(GYRO + 1)), cov.var(GYRO + 2))
-        return worst <= square(_GYRO_BIAS_LEARNED * dt_ekf_avg)
+        """Return whether the gyro's bias is known, but for yaw where nothing measures that (checkGyroCalStatus)."""
+        cov, yaw, limit = self.state.cov, self.yaw, square(_GYRO_BIAS_LEARNED * dt_ekf_avg)
+        variances = cov.var(GYRO), cov.var(GYRO + 1), cov.var(GYRO + 2)
+        by_others = yaw.source == GPS_YAW or yaw.source == GPS_COMPASS_FALLBACK or yaw.source == EXTNAV
+        if yaw.uses_compass or by_others:
+            return larger(larger(variances[0], variances[1]), variances[2]) <= limit
+        x, y, _ = to_body(self.state.rotation, variances)
+        return abs(x) < limit and abs(y) < limit
 
     def _flow_is_fresh(self, now_ms: int) -> bool:
         received_ms = self.flow_reading.received_ms

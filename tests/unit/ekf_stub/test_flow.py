@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from ekf_stub.core.covariance import GYRO
 from tests.unit.ekf_stub.filter_rig import (
     MOVING,
     NO_AIDING,
@@ -322,3 +323,16 @@ def test_report_tells_of_ground_and_flow() -> None:
     assert 0 < terrain.sigma < 0.5
     told, _ = tell(flying, 0.2, 0.1)
     assert told.report.terrain.flow_ratio == max(told.core.flow.ratios) > 0
+
+
+@pytest.mark.parametrize(("sources", "begins"), [("05100", True), ("05106", False)])
+def test_gyros_bias_in_yaw_need_not_be_known_where_nothing_measures_yaw(sources: str, begins: bool) -> None:
+    # GIVEN a gyro whose bias is known but in yaw
+    rig = standing(sources)
+    rig.arm()
+    rig.core.state.clear(GYRO, GYRO + 2, 1e-10)
+    rig.core.state.clear(GYRO + 2, GYRO + 3, 1e-6)
+    # THEN flow may aid if there is no source of yaw
+    rig.flow(0.0, 0.0)
+    rig.run(0.05)
+    assert (rig.mode == RELATIVE) is begins
