@@ -97,12 +97,16 @@ def test_answer_to_the_reboot_command_leaves_before_the_restart(make: Callable[.
     assert rig.powered.restart_if_asked()
 
 
+STARTED_S = 4.0
+"""When the filter has a state, without which it refuses an origin."""
+
+
 def test_restart_makes_a_vehicle_that_has_heard_of_nobody(make: Callable[..., Rig]) -> None:
     rig = make()
-    rig.run(1.5)  # until the filter takes an origin
-    rig.powered.vehicle.set_origin(Location(1, 2, 3))
+    rig.run(STARTED_S)
+    assert rig.powered.vehicle.set_origin(Location(1, 2, 3))
     assert rig.reboot()
-    rig.run(1.5)
+    rig.run(STARTED_S)
     assert rig.booted[-1] is rig.powered.vehicle is not rig.booted[0]
     assert rig.powered.vehicle.ahrs.origin() is None
     assert not any(channel.active for channel in rig.powered.channels)

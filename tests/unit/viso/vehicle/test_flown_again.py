@@ -11,6 +11,7 @@ from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import GpsSample
+from viso.firmware.releases import DEFAULT, JULY_2025, Firmware
 from viso.logs.logger import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.config import by_ekf3
@@ -32,6 +33,7 @@ def flown(
     until_us: int = END_US,
     expected: tuple[bool, bool] | None = None,
     log: MemoryLog | None = None,
+    firmware: Firmware = DEFAULT,
     **params: float,
 ) -> Vehicle:
     """Return a vehicle that stands still, while this happens to it."""
@@ -50,7 +52,8 @@ def flown(
         expected=expected and readings([expected], [0], TIMES_US),
     )
     make_ahrs = by_ekf3(lambda options: RecordedSource(options, flight), ImuOptions())
-    vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=params, open_log=None if log is None else lambda: log))
+    open_log = None if log is None else lambda: log
+    vehicle = Vehicle(VehicleConfig(make_ahrs, defaults=params, open_log=open_log, firmware=firmware))
     Scheduler(vehicle).run_until(until_us)
     return vehicle
 
@@ -90,8 +93,12 @@ def test_filter_expects_take_off_and_touchdown_as_told_or_else_by_itself(
 
 
 def test_source_set_and_origin_are_those_of_the_log() -> None:
+    # An origin waits for the filter's state in this release; later ones refuse it until then.
     vehicle = flown(
-        Event(2_500_000, Happening.SOURCE_SET, 1), Event(3_550_000, Happening.ORIGIN, PLACE), until_us=3_600_000
+        Event(2_500_000, Happening.SOURCE_SET, 1),
+        Event(3_550_000, Happening.ORIGIN, PLACE),
+        until_us=3_600_000,
+        firmware=JULY_2025,
     )
     assert vehicle.sources.active_set == 1
     assert vehicle.ahrs.origin() == PLACE
