@@ -400,7 +400,7 @@ class State:
         return True
 
     def _correct(self, by: float) -> None:
-        """Add the covariance's gains, times a number, to the states."""
+        """Add the covariance's gains, times a number, to the states; biases are limited with the next prediction."""
         g = self.cov.gain
         w, x, y, z = self.quat
         w, x, y, z = w + g[0] * by, x + g[1] * by, y + g[2] * by, z + g[3] * by

@@ -338,3 +338,14 @@ def test_biases_stay_within_limits_of_which_that_of_accelerometers_is_as_its_par
     state.set_accel_bias((9.0, -9.0, 0.0))
     assert state.gyro_bias == pytest.approx((0.5 * dt, -0.5 * dt, 0.0))
     assert state.accel_bias == pytest.approx((limit * dt, -limit * dt, 0.0))
+
+
+def test_correction_of_a_bias_may_exceed_its_limit_until_the_next_prediction() -> None:
+    rig = navigating()
+    rig.set_param("ACC_BIAS_LIM", 0.01)
+    rig.run(0.05)
+    state, limit = rig.core.state, 0.01 * rig.core.dt_ekf_avg
+    state.fuse(state.cov.look_at(ACCEL + 2), 1.0, 0.0)
+    assert state.accel_bias[2] < -2 * limit
+    rig.step()
+    assert state.accel_bias[2] == pytest.approx(-limit, rel=1e-3)
