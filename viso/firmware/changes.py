@@ -321,6 +321,20 @@ DIFFERENCES: Final[tuple[Difference, ...]] = (
         "tells_bad_items_by_type",
         Upstream("4161c425d1", "2025-02-06"),
     ),
+    _answer(
+        "GPS_RAW_INT with GPS1_TYPE 0",
+        "sent",
+        "not sent",
+        "sends_disabled_gps",
+        Upstream("2462e70118", "2025-10-14"),
+    ),
+    _answer(
+        "target in GUIDED that asks for a force",
+        "makes the vehicle hold",
+        "does nothing",
+        "stops_at_forces",
+        Upstream("3038c70637", "2025-05-31"),
+    ),
     Difference(
         _SENSORS,
         "flow of OPTICAL_FLOW",
