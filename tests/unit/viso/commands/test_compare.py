@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.places import DATA, RECORDED
+from tests.places import DATA, PARITY, RECORDED
 from tests.unit.viso.command_line import Viso, failed_with
 from tests.unit.viso.report.log_maker import LogMaker
 from viso.firmware.releases import JULY_2025, PROFILES
@@ -220,7 +220,8 @@ def test_recording_without_a_name_is_compared_as_what_it_is_most_like(viso: Viso
     path = of_4_6(tmp_path / "one.jsonl")
     code, told = compared(viso, path)
     assert (code, told["comparisons"][0]["firmware"]) == (0, "4.6")
-    assert told["comparisons"][0]["notes"] == ["it names no release; it is most like 4.6"]
+    reason = "the recording names no release, and is most like 4.6"
+    assert (told["comparisons"][0]["firmware_reason"], told["comparisons"][0]["notes"]) == (reason, [])
     assert viso("compare", path, "--which").out.endswith("most like 4.6\n")
     assert viso("compare", path, "--firmware", "2026-04").code == 1
 
@@ -237,15 +238,15 @@ def begun(log: Path, folder: Path) -> Path:
 @pytest.mark.parametrize(
     ("folders", "like"),
     [
-        (["captures/mocap.jsonl.gz", "captures/voxl.jsonl.gz"], ["2025-07", "4.6"]),
-        (["2026-02/captures/t265.jsonl.gz", "2026-02/vectors"], ["2026-02"]),
+        (["2025-07/captures/mocap.jsonl.gz", "2025-07/captures/voxl.jsonl.gz"], ["2025-07", "4.6"]),
+        (["2026-02/captures/t265.jsonl.gz", "2026-02/vectors"], ["2026-02", "4.7"]),
         (["2026-04/captures/speedcov.jsonl.gz", "2026-04/logs/voxl.BIN.xz"], ["2026-04"]),
     ],
 )
 def test_releases_are_told_apart_by_their_recordings(
     viso: Viso, tmp_path: Path, folders: list[str], like: list[str]
 ) -> None:
-    paths = [begun(DATA / one, tmp_path) if one.endswith(".xz") else DATA / one for one in folders]
+    paths = [begun(PARITY / one, tmp_path) if one.endswith(".xz") else PARITY / one for one in folders]
     code, told = compared(viso, *paths, "--which")
     assert (code, told["most_like"]) == (0, like)
     differ = {one["firmware"] for one in told["comparisons"] if not one["passed"]}
