@@ -220,6 +220,6 @@ def test_heartbeat_is_critical_until_it_is_resolved(make_bench: "MakeBench", arm
 def test_armed_vehicle_in_failsafe_is_refused_modes_that_require_a_position(lost: "Bench") -> None:
     lost.see(0.5)
     assert lost.command(176, 1, 5) == 4
-    assert (4, "Mode change to LOITER failed: requires position") in [(level, text) for _, level, text in lost.texts]
+    assert (4, "Mode change to Loiter failed: requires position") in [(level, text) for _, level, text in lost.texts]
     lost.see(2)
     assert lost.command(176, 1, 5) == 0
