@@ -18,6 +18,7 @@ import pytest
 from mav_handlers.wire.codec import Codec, Received, message_id
 from mav_handlers.wire.messages import COMMAND_ACK, EXTENDED_SYS_STATE, HEARTBEAT, Message
 from tests.places import DATA, RECORDED
+from viso.firmware.releases import JULY_2025
 from viso.logs.filter_records import rows_of
 from viso.logs.logger import MemoryLog
 from viso.logs.recorded import read_columns
@@ -106,6 +107,7 @@ def fly(name: str, folder: Path, vicon_mask: int, fails_s: float | None = None) 
     config = VehicleConfig(
         by_ekf3(read_source("fly"), ImuOptions()),
         defaults={**params, "SIM_VICON_TMASK": vicon_mask},
+        firmware=JULY_2025,
         open_log=lambda: log,
         vicon=True,
         message_intervals={0: {message_id(kind.__name__): 200 for kind in (EXTENDED_SYS_STATE, HEARTBEAT)}},

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import pytest
 
 from tests.places import DATA
+from viso.firmware.releases import JULY_2025
 from viso.logs.files import single_log
 from viso.logs.filter_records import rows_of
 from viso.logs.recorded import read_columns
@@ -99,7 +100,7 @@ def pair(name: str, folder: Path) -> Pair:
     settings = {**params_of_recording(stream), **load_settings([], [], links=1)}
     make_ahrs = by_ekf3(read_source(f"log:{recording}"), ImuOptions())
     with single_log(log) as open_log:
-        run_replay(stream, settings, ReplaySetup(make_ahrs, stream.baud, True), open_log=open_log)
+        run_replay(stream, settings, ReplaySetup(make_ahrs, stream.baud, True, firmware=JULY_2025), open_log=open_log)
     return Pair(flight_in(recording), flight_in(log))
 
 

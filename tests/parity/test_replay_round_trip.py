@@ -185,7 +185,8 @@ class Flight:
             self._logger.write(layout, (now_us, *[0] * (len(layout.fields) - 1)))
         self.log.note_logged()
         report = report_of(self.lanes, 0)
-        estimates = (*report.vel_ned, *report.pos_ned, *report.vel_innovation, *report.pos_innovation)
+        pos_ned = (float(np.float32(coordinate)) for coordinate in report.pos_ned)  # as a log has them
+        estimates = (*report.vel_ned, *pos_ned, *report.vel_innovation, *report.pos_innovation)
         ratios = map(math.sqrt, (report.vel_ratio, report.pos_ratio, report.height_ratio))
         self.rows.append((*estimates, *ratios, report.timeouts, report.flags))
 

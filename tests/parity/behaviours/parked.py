@@ -21,6 +21,7 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from tests.parity.behaviours.logs import Log
+from viso.firmware.releases import JULY_2025
 from viso.logs.logger import MemoryLog
 from viso.running.virtual_time import Scheduler
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
@@ -59,7 +60,9 @@ class Parked:
         self._logged = 0
         intervals = {0: {_EKF_STATUS_REPORT: 100, _LOCAL_POSITION_NED: 100}}
         defaults = {"VISO_TYPE": 1.0, "LOG_DISARMED": 1.0, "LOG_REPLAY": 1.0, **params}
-        config = VehicleConfig(make_ahrs, defaults=defaults, open_log=lambda: self._file, message_intervals=intervals)
+        config = VehicleConfig(
+            make_ahrs, defaults=defaults, firmware=JULY_2025, open_log=lambda: self._file, message_intervals=intervals
+        )
         self.vehicle = Vehicle(config)
         self._scheduler = Scheduler(self.vehicle)
         self._channel = self.vehicle.endpoint.open_channel("client")

@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from ap_core.cint import i16, int_of_float
 from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.log_structure import ERR, EV, MSG, ORGN, QUIET_NAN
@@ -351,13 +352,19 @@ def recorded_firmware(log: LogColumns, given: Firmware | None = None) -> JudgedB
     return profile_for(flown, {text(record, "Name") for record in records_in(log, ["PARM"])}, given)
 
 
+def _held(ratio: float) -> float:
+    """Return what XKF4 holds of a ratio: the low 16 bits of its hundredths, if they need more."""
+    hundredths = int_of_float(100 * ratio)
+    return ratio if hundredths == i16(hundredths) else i16(hundredths) / 100
+
+
 def _ours(report: CoreReport) -> dict[str, float]:
-    """Return the estimates by label, a position in single precision as a log has it."""
+    """Return the estimates by label: positions in single precision, and ratios of which the log holds a part, as it."""
     north, east, down = (float(np.float32(coordinate)) for coordinate in report.pos_ned)
     roll, pitch, yaw = map(math.degrees, report.rpy_rad)
     values = (
         *(roll, pitch, yaw % 360, *report.vel_ned, north, east, down, *report.vel_innovation, *report.pos_innovation),
-        *map(math.sqrt, (report.vel_ratio, report.pos_ratio, report.height_ratio)),
+        *(_held(math.sqrt(ratio)) for ratio in (report.vel_ratio, report.pos_ratio, report.height_ratio)),
         *(*report.moved_ne, report.timeouts, report.flags),
     )
     return dict(zip(LABELS, values, strict=True))
