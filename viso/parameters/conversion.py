@@ -107,18 +107,13 @@ class CarriedOver:
     lost: tuple[str, ...]
 
 
-def of_earlier_releases(params: ParamTable, renames: Renames) -> Renames:
-    """Return those of all renames that a vehicle needs for names of releases before its own."""
-    return {old: rename for old, rename in renames.items() if params.find(old) is None}
-
-
 def carry_over(given: Mapping[str, float], params: ParamTable, renames: Renames) -> CarriedOver:
-    """Give values the names of a release; a value that is given under its own name wins.
+    """Give values of an earlier release the names of a vehicle's; a value that is given under its own name wins.
 
     Args:
         given: values by name.
-        params: the parameters of the release.
-        renames: what it calls otherwise.
+        params: the parameters of the vehicle.
+        renames: those of all releases; names that the vehicle has are left as they are.
 
     Raises:
         ValueError: a value that cannot be converted.
@@ -127,7 +122,7 @@ def carry_over(given: Mapping[str, float], params: ParamTable, renames: Renames)
     conversions, lost = [], []
     for name, value in given.items():
         rename = renames.get(name)
-        if rename is None:
+        if rename is None or params.find(name) is not None:
             values[name] = value
         elif params.find(rename.new) is None:
             lost.append(name)
@@ -139,13 +134,9 @@ def carry_over(given: Mapping[str, float], params: ParamTable, renames: Renames)
     return CarriedOver(values, tuple(conversions), tuple(lost))
 
 
-def _of_other_releases(params: ParamTable, renames: Renames) -> Renames:
-    later = {
-        rename.new: Rename(old, rename.revert, rename.convert)
-        for old, rename in renames.items()
-        if params.find(rename.new) is None
-    }
-    return {**of_earlier_releases(params, renames), **later}
+def _both_ways(renames: Renames) -> Renames:
+    """Return renames with their reverse."""
+    return {**renames, **{rename.new: Rename(old, rename.revert, rename.convert) for old, rename in renames.items()}}
 
 
 def carry_over_from_any(given: Mapping[str, float], params: ParamTable, renames: Renames) -> CarriedOver:
@@ -153,7 +144,7 @@ def carry_over_from_any(given: Mapping[str, float], params: ParamTable, renames:
 
     Raises ValueError for a value that cannot be converted.
     """
-    carried = carry_over(given, params, _of_other_releases(params, renames))
+    carried = carry_over(given, params, _both_ways(renames))
     moved = tuple(_move_link_options(carried.values, params))
     return replace(carried, conversions=(*carried.conversions, *moved))
 
@@ -197,5 +188,5 @@ def name_here(name: str, params: ParamTable, renames: Renames) -> str | None:
         params: what the vehicle has.
         renames: of all releases.
     """
-    rename = _of_other_releases(params, renames).get(name)
+    rename = _both_ways(renames).get(name)
     return None if rename is None or params.find(rename.new) is None else rename.new

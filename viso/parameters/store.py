@@ -111,7 +111,8 @@ class ParamStore:
                 raise ParamStoreError(f"{self._path}:{line_number}: {name} cannot be {value}")
         values = self._loaded(found)
         unknown = params.load_stored(carry_over(values, params, renames).values)
-        self.unknown = {name: value for name, value in values.items() if name in unknown or name in renames}
+        old = {name for name in values if name in renames and params.find(name) is None}
+        self.unknown = {name: value for name, value in values.items() if name in unknown or name in old}
         if unknown:
             _log.warning("%s: unknown parameters, kept in the file: %s", self._path, ", ".join(unknown))
 

@@ -34,7 +34,7 @@ from mav_handlers.transfers.log_transfer import LogTransfer
 from viso.logs.library import NoLogs, StoredLogs
 from viso.logs.logger import Logger
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
-from viso.parameters.conversion import carry_over_from_any, of_earlier_releases
+from viso.parameters.conversion import carry_over_from_any
 from viso.parameters.left_out import left_out
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
@@ -102,7 +102,7 @@ class Vehicle:
         defaults = carry_over_from_any(config.defaults, self.params, ALL_RENAMES)
         unknown = self.params.apply_defaults(defaults.values, "defaults", read_only=config.read_only)
         self.unknown_defaults = (*defaults.lost, *unknown)
-        config.param_store.restore(self.params, of_earlier_releases(self.params, ALL_RENAMES))
+        config.param_store.restore(self.params, ALL_RENAMES)
         self.params.set_from_mavlink("STAT_BOOTCNT", i16(self.params.get_int("STAT_BOOTCNT") + 1))  # AP_Stats::init
         for name, value in config.overrides.items():
             self.params.set(name, value)
