@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import int_of_float
 from ap_core.clock import NEVER
-from ap_core.fmath import f32
+from ap_core.fmath import f32, ieee754
 from ap_core.location import Location
 from ekf_stub.core.params import GPS
 from viso.logs.vehicle_log import ORGN_EKF
@@ -64,6 +64,7 @@ class Origin:
             if f32(value) != vehicle.params.get_float(name):
                 vehicle.endpoint.echo_parameters(vehicle.params.set_from_mavlink(name, value).echoes)
 
+    @ieee754
     def _kept(self) -> Location | None:
         """Return the origin to use, or None: it is not wanted, none is kept, or GPS will give one."""
         vehicle = self._vehicle
@@ -80,4 +81,4 @@ class Origin:
 def _seven_digits(value: float) -> str:
     """Return a number as the firmware prints it with 7 decimals: it has no more than 7 digits that count."""
     whole_digits = len(str(int(abs(value)))) if abs(value) >= 1 else 0
-    return f"{value:.{7 - whole_digits}f}"
+    return f"{value:.{max(7 - whole_digits, 0)}f}"

@@ -81,6 +81,13 @@ def test_kept_origin_is_used_without_a_gps() -> None:
     assert any(isinstance(message, GPS_GLOBAL_ORIGIN) for message in rig.received())
 
 
+@pytest.mark.parametrize("name", KEPT)
+def test_kept_origin_may_be_any_number(name: str) -> None:
+    rig = Bench({**BY_CAMERA, **KEPT, "AHRS_OPTIONS": USE_KEPT, name: -3e38}, bench(), None, STABLE_4_7)
+    rig.run_to(8.0)
+    assert any(text.startswith("AHRS: using recorded origin:") for _, _, text in rig.texts)
+
+
 @pytest.mark.parametrize(
     "params",
     [
