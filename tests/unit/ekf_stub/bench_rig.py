@@ -23,6 +23,7 @@ from ekf_stub.inputs.measurements import USUAL_LAG_S, GpsSample
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
 from ekf_stub.reports import CoreReport
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.parameters.table import make_groups
 from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.standing import BenchSource
@@ -57,9 +58,17 @@ class BenchRig:
         camera_pos: the place of the camera on the vehicle, m, body.
     """
 
-    def __init__(self, sources: str, *, has_compass: bool, options: ImuOptions, params: dict[str, float]) -> None:
+    def __init__(
+        self,
+        sources: str,
+        *,
+        has_compass: bool,
+        options: ImuOptions,
+        params: dict[str, float],
+        firmware: Firmware = DEFAULT,
+    ) -> None:
         self.clock = VirtualClock()
-        self.params = ParamTable(make_groups(0, make_params()))
+        self.params = ParamTable(make_groups(0, make_params(), firmware.params))
         for name, value in params.items():
             self.params.set(name, value)
         self.params.set("COMPASS_ENABLE", int(has_compass))
@@ -85,6 +94,7 @@ class BenchRig:
             SilentLog(),
             self.params,
             self,
+            release=firmware.ekf,
         )
         self.state = self.ahrs.state
         self.state.gps_lag_s = USUAL_LAG_S

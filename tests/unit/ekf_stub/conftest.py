@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.unit.ekf_stub.bench_rig import BenchRig
+from viso.firmware.releases import DEFAULT, Firmware
 from viso.vehicle.sensors.errors import NO_ERRORS, SensorErrors
 from viso.vehicle.sensors.source import ImuOptions
 
@@ -26,10 +27,11 @@ def make_bench() -> Callable[..., BenchRig]:
         heading_deg: float = 0.0,
         errors: SensorErrors = NO_ERRORS,
         run_s: float = 0.0,
+        firmware: Firmware = DEFAULT,
         **params: float,
     ) -> BenchRig:
         options = ImuOptions(heading_rad=math.radians(heading_deg), errors=errors)
-        rig = BenchRig(sources, has_compass=has_compass, options=options, params=params)
+        rig = BenchRig(sources, has_compass=has_compass, options=options, params=params, firmware=firmware)
         if run_s:
             rig.run_to(run_s)
         return rig

@@ -201,7 +201,9 @@ class EkfRun:
         self.judged_by = recorded_firmware(log, self._given)
         player.release = self.judged_by.firmware.ekf
         origin = origin_of(records_in(log, ["ORGN"]))
-        player.place_field = None if origin is None else earth_field(1e-7 * origin.lat, 1e-7 * origin.lng)
+        is_of_earth = all(_OWN_VEHICLE not in text(record, "Message") for record in records_in(log, ["MSG"]))
+        if origin is not None and is_of_earth:
+            player.place_field = earth_field(1e-7 * origin.lat, 1e-7 * origin.lng)
         shown = 0
         problem = frames.problem()
         places = places_of(log, _READ)
@@ -343,6 +345,10 @@ class EkfRun:
     def origin(self, place: Location) -> None:
         """Log the origin that was set."""
         self.output.write(ORGN, (self._time_us, ORGN_EKF, place.lat, place.lng, place.alt_cm))
+
+
+_OWN_VEHICLE: Final = b"viso".hex()
+"""In the text with a vehicle's id, of viso's own vehicles: their field has no declination, wherever they are."""
 
 
 def recorded_firmware(log: LogColumns, given: Firmware | None = None) -> JudgedBy:

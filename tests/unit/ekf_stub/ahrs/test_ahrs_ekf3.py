@@ -15,6 +15,7 @@ from ap_core.fmath import f32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ap_visualodom.ports import Ahrs
+from viso.firmware.releases import JULY_2025
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig
@@ -205,7 +206,7 @@ def test_position_is_told_from_the_start_of_aiding_to_its_end(make_bench: MakeBe
 @pytest.mark.parametrize(("down", "lost"), [(-0.5, 39), (1.0, 37)])
 def test_poses_alone_lose_their_velocity_too_but_on_the_ground(make_bench: MakeBench, down: float, lost: int) -> None:
     # The ground is where the first pose puts the vehicle, which the barometer puts elsewhere after that.
-    bench = make_bench("60106")
+    bench = make_bench("60106", firmware=JULY_2025)
     bench.run_to(6)
     bench.stream(8, lambda: bench.pose(0, 0, down))
     bench.run_for(16)

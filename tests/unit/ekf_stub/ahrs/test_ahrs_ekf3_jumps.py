@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ekf_stub.core.params import BARO
+from viso.firmware.releases import JULY_2025
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig
@@ -207,7 +208,7 @@ def test_height_meets_its_gate_after_a_shorter_gap(make_bench: MakeBench) -> Non
 
 @pytest.mark.slow
 def test_height_of_the_barometer_is_left_as_aiding_starts_and_comes_back_as_recorded(make_bench: MakeBench) -> None:
-    bench = make_bench("60106")
+    bench = make_bench("60106", firmware=JULY_2025)
     bench.run_to(4.5)
     heights = []
     for time_s in (5.85, 6.75, 7.95, 9.15, 10.35, 11.85):
