@@ -32,8 +32,11 @@ M = TypeVar("M", bound=Message)
 SETTLED_MS = 5000
 """When the estimator runs, and heartbeats have just been sent; the estimator has texts to tell until 6 s."""
 
+BOOTING_MS, BOOTING_PERIOD_US = 2400, 100_000
+"""Before the AHRS starts, and the period of the main loop until then."""
+
 SETTLING_PERIOD_US = 12_500
-"""Of the main loop until then: as seldom as the sensors allow."""
+"""Of the main loop from there on: as seldom as the sensors allow."""
 
 
 class SpyAhrs(RememberedCalls):
@@ -195,8 +198,10 @@ class Bench:
         trace = sys.gettrace()
         sys.settrace(None)
         try:
+            self.scheduler.period_us = BOOTING_PERIOD_US
+            self.run_ms(booting_ms := min(BOOTING_MS, until_ms // 2))
             self.scheduler.period_us = SETTLING_PERIOD_US
-            self.run_ms(until_ms - SETTLING_PERIOD_US / 1000)
+            self.run_ms(until_ms - booting_ms - SETTLING_PERIOD_US / 1000)
             self.scheduler.period_us = LOOP_PERIOD_US
             self.run_ms(SETTLING_PERIOD_US / 1000)
         finally:

@@ -40,8 +40,10 @@ from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 
 BOOTED_US = 6_000_000
+STARTED_US, STARTING_PERIOD_US = 2_400_000, 100_000
+"""Before the AHRS starts, and the period of the main loop until then."""
 BOOTING_PERIOD_US = 10_000
-"""Of the main loop until then: as seldom as the sensors allow."""
+"""Of the main loop from there on: as seldom as the sensors allow."""
 
 
 MakeAhrs = Callable[[Vehicle], AhrsBase]
@@ -85,6 +87,8 @@ class Bench:
 
     def boot(self) -> None:
         """Run the main loop until booting is over, and forget what was said."""
+        self.scheduler.period_us = STARTING_PERIOD_US
+        self.run_to(STARTED_US * 1e-6)
         self.scheduler.period_us = BOOTING_PERIOD_US
         self.run_to(BOOTED_US * 1e-6)
         self.scheduler.period_us = LOOP_PERIOD_US
