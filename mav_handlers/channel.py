@@ -204,13 +204,18 @@ class Channel:
         return fits
 
     def send(self, *messages: Message) -> bool:
-        """Pack messages for sending, all or none; count them and return False if the output is full."""
+        """Pack messages for sending, all or none; count them and return False if the output is full.
+
+        A link of MAVLink 1 sends none whose id needs more than a byte, without a word (mavlink_helpers.h,
+        _mav_finalize_message_chan_send).
+        """
         if not self.has_room():
             self.frames_not_sent += len(messages)
             return False
         if self.has_reader:
             for message in messages:
-                self._output += self.codec.encode(message)
+                if self.codec.can_send(type(message)):
+                    self._output += self.codec.encode(message)
         return True
 
     def forward(self, frame: bytes) -> bool:

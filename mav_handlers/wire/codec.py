@@ -93,6 +93,9 @@ _DEFINITIONS: Final[Mapping[int, Any]] = {**dialect.mavlink_map, **{draft.id: dr
 _ID_OF_NAME: Final[Mapping[str, int]] = {known.msgname: msg_id for msg_id, known in _DEFINITIONS.items()}
 
 
+_LAST_ID_OF_VERSION_1: Final = 255
+
+
 class _Layout:
     """Conversion between a message's dataclass and its payload.
 
@@ -280,8 +283,15 @@ class Codec:
         defect = Defect.FLAGS if received.data[0] == MARKER_V2 else Defect.PREFIX
         return BadData(defect, len(received.data))
 
+    def can_send(self, message_type: type[Message]) -> bool:
+        """Return whether the version of MAVLink has room for a message's id: the first has a byte."""
+        return self.version != 1 or _ID_OF_NAME[message_type.__name__] <= _LAST_ID_OF_VERSION_1
+
     def encode(self, message: Message) -> bytes:
-        """Return the next frame with this message. Raises struct.error if a field does not fit its type."""
+        """Return the next frame with this message.
+
+        Raises struct.error if a field does not fit its type, or the message cannot be sent.
+        """
         layout = _LAYOUTS[type(message).__name__]
         payload = layout.payload(message)
         if self.version == 1:

@@ -26,7 +26,7 @@ def flight(clients: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 def test_attributes_are_those_of_a_copter_on_the_ground(flight: Flight) -> None:
     met, _ = flight
-    assert met["version"].startswith("APM:Copter-4.7.0")
+    assert met["version"].startswith("APM:Copter-4.7.1")
     assert (met["mode"], met["armed"], met["status"]) == ("STABILIZE", False, "STANDBY")
     assert abs(met["yaw"]) < 0.1
     assert met["heading"] in (0, 359, 360)

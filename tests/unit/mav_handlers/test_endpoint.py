@@ -29,6 +29,7 @@ from mav_handlers.wire.messages import (
     COMMAND_ACK,
     COMMAND_LONG,
     HEARTBEAT,
+    PARAM_ERROR,
     PARAM_REQUEST_READ,
     PARAM_SET,
     STATUSTEXT,
@@ -36,6 +37,7 @@ from mav_handlers.wire.messages import (
     VISION_SPEED_ESTIMATE,
     Message,
 )
+from viso.firmware.releases import STABLE_4_7
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 if TYPE_CHECKING:
@@ -482,6 +484,12 @@ class TestVersions:
         bench.client.tell(PREARM)
         bench.run_ms(1000)
         assert {frame.header.version for frame in bench.client.read_received()} == {1}
+
+    def test_mavlink_1_link_sends_no_message_whose_id_needs_two_bytes(self, make_bench: "MakeBench") -> None:
+        for version, answers in ((1, []), (2, [PARAM_ERROR])):
+            bench = make_bench(version=version, firmware=STABLE_4_7)
+            bench.client.tell(PARAM_SET(1, 1, "NO_SUCH", 1.0, 9))
+            assert [type(message) for message in bench.client.read()] == answers
 
     def test_mavlink_2_link_sends_mavlink_2_from_the_first_byte(self, make_bench: "MakeBench") -> None:
         bench = make_bench(until_ms=0)

@@ -135,6 +135,6 @@ def test_armed_vehicle_is_refused(viso: Viso, scenario: Path, wire: Callable[[fl
 def test_recording_over_a_socket_comes_to_the_same_in_a_replay(viso: Viso, scenario: Path, tmp_path: Path) -> None:
     with autopilot(tmp_path, "--firmware=4.6") as vehicle:
         outcome = viso("record", scenario, "--master", f"tcp:127.0.0.1:{vehicle.ports[0]}", "-o", "out", "--json")
-    assert (outcome.code, written(outcome)["firmware"]) == (0, "ArduCopter V4.6.3 (3fc7011a)")
+    assert (outcome.code, written(outcome)["firmware"]) == (0, "ArduCopter V4.6.3-beta (3fc7011a)")
     assert deviations(Path("out"), "short", "4.6") == []
     assert len(read_lines(Path("out/short.jsonl.gz"))) > 20

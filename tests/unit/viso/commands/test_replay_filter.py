@@ -196,7 +196,7 @@ def test_ordinary_log_is_flown_again_by_its_imu_records(viso: Viso) -> None:
 @pytest.mark.slow
 def test_replay_without_the_filter_is_as_it_was(viso: Viso, capture: Path) -> None:
     answer = replayed(viso, capture, "--records", "out.jsonl")
-    assert set(answer) == {"stream", "verdicts", "texts"}
+    assert set(answer) == {"stream", "firmware", "firmware_reason", "verdicts", "texts"}
     assert "filter" not in json.loads(Path("out.jsonl").read_text().splitlines()[0])
     assert "filter" not in viso("replay", capture).out
 

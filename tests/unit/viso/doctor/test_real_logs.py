@@ -52,7 +52,7 @@ def error(evidence: str, why: str) -> Told:
 
 
 _OF_TEXT: Mapping[str, Told] = {
-    "XN5-08": note("have a covariance that is ignored", "TUM's format has none, so ATT_POS_MOCAP carries zeros"),
+    "XN5-08": note("have a covariance of zeros or NaN", "TUM's format has none, so ATT_POS_MOCAP carries zeros"),
     "XN7-16": note("these were not given", "a trajectory holds no parameters"),
     "XN9-01": note("by absolute aiding from 7.055 s on", "positions come from the first message on"),
 }

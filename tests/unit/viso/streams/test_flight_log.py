@@ -32,6 +32,7 @@ from viso.firmware.flown import FlownVersion
 from viso.logs.logger import MemoryLog
 from viso.logs.recorded import read_recorded_states
 from viso.replay.feed import Replay
+from viso.streams.heard import firmware_of_recording
 from viso.streams.stream_kinds import Stream, StreamMessage, read_stream
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -79,7 +80,7 @@ def records_of(path: Path) -> dict[str, list[Row]]:
 
 def replayed(stream: Stream, states: Path | None = None) -> dict[str, list[Row]]:
     """Return the records of a replay; with a log of attitudes by these."""
-    config = VehicleConfig(defaults=stream.params)
+    config = VehicleConfig(defaults=stream.params, firmware=firmware_of_recording(stream).firmware)
     if states is not None:
         recorded = read_recorded_states(states)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.places import DATA
+from viso.firmware.releases import JULY_2025
 from viso.logs.recorded import read_columns
 from viso.sweep.best import Best
 from viso.sweep.job import run_point
@@ -63,7 +64,8 @@ def test_lever_arm_is_found_by_imu_records() -> None:
 
 def test_estimate_is_that_of_the_flight(without_imu: Path) -> None:
     for log, basis, most_m in ((LOG, Basis.IMU, 0.1), (without_imu, Basis.ESTIMATE, 0.3)):
-        plan = make_plan(SweepRequest(streams=[log], set=["VISO_QUAL_MIN=0,100"], until=END_S))
+        request = SweepRequest(streams=[log], set=["VISO_QUAL_MIN=0,100"], until=END_S, firmware=[JULY_2025.name])
+        plan = make_plan(request)
         (recorded,) = plan.recordings
         assert recorded.basis is basis
         row = run_point(plan, next(plan.points())).row
