@@ -32,8 +32,8 @@ M = TypeVar("M", bound=Message)
 SETTLED_MS = 5000
 """When the estimator runs, and heartbeats have just been sent; the estimator has texts to tell until 6 s."""
 
-BOOTING_MS, BOOTING_PERIOD_US = 2400, 100_000
-"""Before the AHRS starts, and the period of the main loop until then."""
+BOOTING_MS, BOOTING_PERIOD_US = 3400, 100_000
+"""Before the estimator starts, and the period of the main loop until then."""
 
 SETTLING_PERIOD_US = 12_500
 """Of the main loop from there on: as seldom as the sensors allow."""

@@ -251,28 +251,33 @@ ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS = range
 ZERO_ORIGIN = SET_GPS_GLOBAL_ORIGIN(1, 0, 0, 0)
 
 
-@pytest.mark.parametrize(
-    ("name", "releases"),
-    [
-        ("AVAILABLE_MODES", {"2025-07", "2026-02", "4.7", "2026-04"}),
-        ("AVAILABLE_MODES_MONITOR", {"2025-07", "2026-02", "4.7", "2026-04"}),
-        ("FLIGHT_INFORMATION", {"2025-07", "2026-02", "4.7", "2026-04"}),
-        ("HWSTATUS", {"4.6", "2025-07"}),
-        ("RC_CHANNELS_SCALED", {"4.6"}),
-        ("AOA_SSA", {"4.6"}),
-        ("DEEPSTALL", {"4.6"}),
-        ("RANGEFINDER", set(PROFILES)),
-    ],
-)
-def test_message_that_only_some_releases_can_send(make_bench: "MakeBench", name: str, releases: set[str]) -> None:
-    asked = {
-        firmware: [
-            make_bench(firmware=one).client.command(command, message_id(name), value)
+SENDERS = {
+    "AVAILABLE_MODES": {"2025-07", "2026-02", "4.7", "2026-04"},
+    "AVAILABLE_MODES_MONITOR": {"2025-07", "2026-02", "4.7", "2026-04"},
+    "FLIGHT_INFORMATION": {"2025-07", "2026-02", "4.7", "2026-04"},
+    "HWSTATUS": {"4.6", "2025-07"},
+    "RC_CHANNELS_SCALED": {"4.6"},
+    "AOA_SSA": {"4.6"},
+    "DEEPSTALL": {"4.6"},
+    "RANGEFINDER": set(PROFILES),
+}
+"""Which releases can send a message."""
+
+
+@every_firmware
+def test_message_that_only_some_releases_can_send(make_bench: "MakeBench", firmware: Firmware) -> None:
+    client = make_bench(firmware=firmware).client
+    answers = {
+        name: [
+            client.command(command, message_id(name), value)
             for command, value in ((REQUEST_MESSAGE, 0), (SET_MESSAGE_INTERVAL, -1))
         ]
-        for firmware, one in PROFILES.items()
+        for name in SENDERS
     }
-    assert asked == {one: [ACCEPTED, ACCEPTED] if one in releases else [FAILED, DENIED] for one in PROFILES}
+    assert answers == {
+        name: [ACCEPTED, ACCEPTED] if firmware.name in releases else [FAILED, DENIED]
+        for name, releases in SENDERS.items()
+    }
 
 
 @every_firmware

@@ -40,8 +40,8 @@ from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 
 BOOTED_US = 6_000_000
-STARTED_US, STARTING_PERIOD_US = 2_400_000, 100_000
-"""Before the AHRS starts, and the period of the main loop until then."""
+STARTED_US, STARTING_PERIOD_US = 3_400_000, 100_000
+"""Before the estimator starts, and the period of the main loop until then."""
 BOOTING_PERIOD_US = 10_000
 """Of the main loop from there on: as seldom as the sensors allow."""
 

@@ -102,7 +102,7 @@ def test_unknown_release_is_refused(viso: "Viso", short: Path) -> None:
     assert "--versus 3.2: no such profile; there are 4.6, 2025-07, 2026-02, 4.7" in outcome.err
 
 
-@pytest.mark.parametrize(("after", "differs"), [("4.7", True), ("4.6", False)])
+@pytest.mark.parametrize(("after", "differs"), [("4.7", True), pytest.param("4.6", False, marks=pytest.mark.slow)])
 def test_flow_that_releases_take_otherwise_is_told(viso: "Viso", after: str, differs: bool) -> None:
     path = str(DATA / "flow" / "rates_beside_units.tlog.gz")
     outcome = viso("replay", path, "--firmware", "2025-07", "--versus", after)
