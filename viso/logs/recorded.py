@@ -20,6 +20,7 @@ from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.ahrs.ahrs_recorded import RecordedStates
 from mav_handlers.links.packed import open_packed
 from viso.errors import InputError
+from viso.logs.filter_records import rows_of
 from viso.logs.vehicle_log import ORGN_EKF
 
 Array = npt.NDArray[np.float64]
@@ -117,16 +118,10 @@ def recorded_states(path: Path, log: LogColumns) -> RecordedStates:
     )
 
 
-def _texts(log: LogColumns) -> Iterator[tuple[int, str]]:
-    if log.counts.get("MSG"):
-        times_us, texts = log.columns("MSG", ("TimeUS", "Message")).values()
-        yield from zip(times_us.tolist(), map(str, texts), strict=True)
-
-
 def _position_start_us(log: LogColumns, pos_time_us: Array) -> float:
     """Return when the first position of a log became valid: when EKF3 said so, if that was just before the record."""
     first_us = float(pos_time_us[0]) if len(pos_time_us) else math.inf
-    said_us = (time_us for time_us, text in _texts(log) if text.startswith(_EKF3_USES))
+    said_us = (time_us for time_us, text in rows_of(log, "MSG", "Message") if str(text).startswith(_EKF3_USES))
     return next((time_us for time_us in said_us if 0 <= first_us - time_us < _RECORD_PERIOD_US), first_us)
 
 
@@ -137,21 +132,20 @@ def ahrs_start_us(log: LogColumns) -> int:
     NavEKF3_core::InitialiseFilterBootstrap 1 s more. A log without that text began later; the start is then that of the
     reference's recordings.
     """
-    initialised_us = next((time_us for time_us, text in _texts(log) if _EKF3_INITIALISED.fullmatch(text)), 0)
+    texts = rows_of(log, "MSG", "Message")
+    initialised_us = next((int(time_us) for time_us, text in texts if _EKF3_INITIALISED.fullmatch(str(text))), 0)
     start_ms = initialised_us // 1000 - _START_UP_MS
     return start_ms * 1000 if start_ms > 0 else AHRS_START_US
 
 
 def _gps_origin(log: LogColumns) -> tuple[float, Location] | None:
     """Return when the EKF took its origin from GPS, and the place; RSO3 tells of one that a client sets."""
-    if not log.counts.get("ORGN") or log.counts.get("RSO3"):
+    if log.counts.get("RSO3"):
         return None
-    rows = table_of(log, "ORGN", ("TimeUS", "Type", "Lat", "Lng", "Alt"))
-    of_ekf = rows[rows[:, 1] == ORGN_EKF]
-    if len(of_ekf) == 0:
-        return None
-    time_us, _, lat, lng, alt = of_ekf[0].tolist()
-    return time_us, Location(round(lat * 1e7), round(lng * 1e7), round(alt * 100))
+    for time_us, kind, lat_deg, lng_deg, alt_m in rows_of(log, "ORGN", "Type", "Lat", "Lng", "Alt"):
+        if kind == ORGN_EKF and all(map(math.isfinite, (lat_deg, lng_deg, alt_m))):
+            return float(time_us), Location(round(lat_deg * 1e7), round(lng_deg * 1e7), round(alt_m * 100))
+    return None
 
 
 def table_of(log: LogColumns, kind: str, labels: Sequence[str]) -> Array:

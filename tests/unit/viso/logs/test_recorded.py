@@ -4,6 +4,7 @@
 
 import gc
 import lzma
+import math
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -244,6 +245,19 @@ def test_log_without_a_needed_field_is_refused(path: Path) -> None:
     other = writer.define("ATT", "TimeUS,Roll", "Qf")
     path.write_bytes(b"".join(writer.start_up([], time_us=0)) + writer.record(other, (1, 2.0)))
     assert error_of(path) == f"{path}: not a DataFlash log: 'Pitch'"
+
+
+@pytest.mark.parametrize(
+    ("labels", "values"),
+    [("TimeUS,Type,Lat,Lng", (1000, 0, 1, 2)), ("TimeUS,Type,Lat,Lng,Alt", (1000, 0, 1, 2, math.nan))],
+)
+def test_origin_that_cannot_be_read_leaves_the_attitude(path: Path, labels: str, values: Sequence[LogValue]) -> None:
+    writer = DataFlashWriter([structure for structure in COMMON_STRUCTURES if structure.name != "ORGN"])
+    origin = writer.define("ORGN", labels, "QBffff"[: len(values)])
+    records = writer.record(ATT, att(1000, 0, 0, 0)[1]), writer.record(origin, values)
+    path.write_bytes(b"".join((*writer.start_up([], time_us=0), *records)))
+    states = read_recorded_states(path)
+    assert (states.att_time_us.tolist(), states.gps_origin) == ([1000], None)
 
 
 def test_origin_is_read_where_gps_gave_it() -> None:
