@@ -31,6 +31,8 @@ VISION_HANDLERS: Final[Mapping[type[m.Message], Callable[[Context, Any], Verdict
 }
 
 VISION_MESSAGES: Final = frozenset(VISION_HANDLERS)
+VISION_NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
+"""The names of the messages of external navigation."""
 
 HANDLERS: Final[Mapping[type[m.Message], Callable[[Context, Any], Verdict]]] = {
     **VISION_HANDLERS,

@@ -42,7 +42,6 @@ VISION_TYPES: Final[tuple[type[Message], ...]] = (
     GLOBAL_VISION_POSITION_ESTIMATE,
     ATT_POS_MOCAP,
 )
-VISION_NAMES: Final = frozenset(cls.__name__ for cls in VISION_TYPES)
 _EULER: Final = (VISION_POSITION_ESTIMATE, GLOBAL_VISION_POSITION_ESTIMATE, VICON_POSITION_ESTIMATE)
 _POSED: Final = (*_EULER, ATT_POS_MOCAP, ODOMETRY)
 _NO_QUAT: Final = (math.nan, math.nan, math.nan, math.nan)

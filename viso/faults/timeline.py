@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from mav_handlers.handlers import VISION_NAMES
 from mav_handlers.wire.codec import message_id
 from viso.documents import parsed_yaml
 from viso.faults.fault import Fault, as_number, parameters_of
 from viso.faults.kinds import FAULTS
-from viso.faults.poses import VISION_NAMES
 
 ALL: Final = "all"
 LATEST_S: Final = 1e9

@@ -29,7 +29,7 @@ _VISUAL_ODOM_RECORDS: Final = frozenset(structure.name for structure in LOG_STRU
 # A capture's arrival is the time of handling; the port was read up to one loop (2500 us) earlier, and unrecorded bytes
 # may have waited behind. This value keeps every recorded CTimeMS within 2 ms.
 READ_BEFORE_HANDLING_US: Final = 1800
-_PERIOD_WITHOUT_FILTER_US: Final = 8 * LOOP_PERIOD_US
+_PERIOD_WITHOUT_FILTER_US: Final = 40 * LOOP_PERIOD_US
 SILENCE_BEGIN_US: Final = 30_000_000
 """The part of a long silence that is run at its start; health, aiding and arming time out within 15 s."""
 SILENCE_END_US: Final = 5_000_000

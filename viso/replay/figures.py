@@ -17,7 +17,7 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.core.odometry import GATE_SIGMAS
 from ekf_stub.inputs.measurements import Array
 from ekf_stub.reports import AidingMode
-from viso.faults.poses import VISION_NAMES
+from mav_handlers.handlers import VISION_NAMES
 from viso.geometry.errors import EvaluationError, absolute_error
 from viso.geometry.trajectory import Trajectory
 from viso.replay.feed import ReplayedMessage

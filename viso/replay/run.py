@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.inputs.measurements import FlowMeasurement
-from viso.faults.poses import VISION_NAMES
+from mav_handlers.handlers import VISION_NAMES
 from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.logger import LogSink
 from viso.replay.feed import Replay, ReplayedMessage

@@ -54,7 +54,7 @@ def is_autopilot(component_id: int, message: Message | None) -> bool:
 def version_heard(stream: Stream) -> FlownVersion | None:
     """Return the release of the autopilot that is heard first, by its own words, else by its number."""
     beat, texts, numbers = None, dict[int, FlownVersion](), dict[int, AUTOPILOT_VERSION]()
-    for _, (header, message) in received_in(stream, (HEARTBEAT, STATUSTEXT, AUTOPILOT_VERSION)):
+    for _, (header, message) in received_in(stream, ("HEARTBEAT", "STATUSTEXT", "AUTOPILOT_VERSION")):
         system_id = header.system_id
         if header.component_id != MAV_COMP_ID_AUTOPILOT1:
             continue
@@ -120,6 +120,8 @@ class _Transfer:
 class ParamListener:
     """Collects the parameters of one system out of its messages."""
 
+    MESSAGES: Final = ("PARAM_VALUE", "FILE_TRANSFER_PROTOCOL")
+
     def __init__(self) -> None:
         self._values: dict[int, list[tuple[HeardValue, int]]] = {}
         self._transfers: dict[tuple[int, int, int], _Transfer] = {}
@@ -168,7 +170,7 @@ class ParamListener:
 def params_heard(stream: Stream, end: int | None = None) -> HeardParams:
     """Return the parameters of the autopilot that is heard first in a stream, up to the message ``end``, from 0."""
     system_id, listeners = None, dict[int, ParamListener]()
-    for number, (header, message) in received_in(stream, (HEARTBEAT, PARAM_VALUE, FILE_TRANSFER_PROTOCOL)):
+    for number, (header, message) in received_in(stream, {"HEARTBEAT", *ParamListener.MESSAGES}):
         if end is not None and number >= end:
             break
         if system_id is None and is_autopilot(header.component_id, message):

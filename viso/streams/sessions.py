@@ -9,19 +9,21 @@ again.
 from dataclasses import replace
 from typing import Final
 
-from mav_handlers.handlers import VISION_MESSAGES
+from mav_handlers.handlers import VISION_NAMES
+from mav_handlers.wire.messages import MESSAGES
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, is_autopilot, params_heard
 from viso.streams.stream import Stream, StreamMessage, received_in
 
 LEAST_STEP_BACK_MS: Final = 2_000
 """Datagrams may overtake each other, by less."""
 _WRAP_MS: Final = 1 << 31
+_TIMED: Final = tuple(name for name, cls in MESSAGES.items() if "time_boot_ms" in cls.__dataclass_fields__)
 
 
 def _starts(stream: Stream) -> list[int]:
     """Return where sessions begin, behind the last message with a time of the one before."""
     system_id, starts, latest_ms, behind = None, [0], -1, 0
-    for number, (header, message) in received_in(stream):
+    for number, (header, message) in received_in(stream, {"HEARTBEAT", *_TIMED}):
         if system_id is None and is_autopilot(header.component_id, message):
             system_id = header.system_id
         boot_ms = getattr(message, "time_boot_ms", None)
@@ -64,7 +66,7 @@ def sessions_of(stream: Stream) -> tuple[Stream, ...]:
 
 def vision_count(stream: Stream) -> int:
     """Return how many messages of external navigation a stream holds."""
-    return sum(type(received.message) in VISION_MESSAGES for _, received in received_in(stream))
+    return sum(1 for _ in received_in(stream, VISION_NAMES))
 
 
 def one_session(stream: Stream, number: int | None = None) -> Stream:

@@ -8,7 +8,6 @@ from enum import Enum
 from typing import Final
 
 from mav_handlers.wire.codec import MARKER_V1, Codec, Received, message_id
-from mav_handlers.wire.messages import Message
 from viso.firmware.flown import FlownVersion
 
 # What is further apart has a damaged stamp.
@@ -61,12 +60,12 @@ class Stream:
         return next((one.arrival_us for one in self.messages if one.arrival_us is not None), 0)
 
 
-def received_in(stream: Stream, kinds: Collection[type[Message]] | None = None) -> Iterator[tuple[int, Received]]:
+def received_in(stream: Stream, names: Collection[str] | None = None) -> Iterator[tuple[int, Received]]:
     """Yield what is in each message of a stream, with the message's number from 0; bytes that are no frame are not.
 
-    To name the ``kinds`` that are wanted makes it many times faster.
+    To give the ``names`` of the messages that are wanted makes it many times faster.
     """
-    wanted = None if kinds is None else {message_id(kind.__name__) for kind in kinds}
+    wanted = None if names is None else set(map(message_id, names))
     codec = Codec(0, 0)
     for number, message in enumerate(stream.messages):
         if wanted is not None and message_id_of(message.frame) not in wanted:

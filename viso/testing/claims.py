@@ -10,10 +10,10 @@ from typing import Final
 
 from ap_core.verdict import VerdictKind
 from mav_handlers.endpoint import UNKNOWN_NAME
+from mav_handlers.handlers import VISION_NAMES
 from mav_handlers.verdicts import ALL_VERDICTS
 from mav_handlers.wire.codec import message_id
 from mav_handlers.wire.messages import Message
-from viso.faults.poses import VISION_NAMES
 from viso.testing.observations import MessageVerdict, StatusText
 from viso.vehicle.outcomes import UNITS, OutcomeKind
 

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from mav_handlers.handlers import VISION_NAMES
 from mav_handlers.verdicts import BAD_CRC, NOT_ACCEPTED, NOT_ADDRESSED, OWN_MESSAGE, UNKNOWN_MESSAGE
 from mav_handlers.wire.messages import COMMAND_INT, COMMAND_LONG, PARAM_SET, SET_GPS_GLOBAL_ORIGIN
 from viso.doctor.checks import limits
@@ -15,7 +16,6 @@ from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, by_type, listed, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, are_us
-from viso.doctor.evidence.stream_data import VISION_NAMES
 from viso.doctor.evidence.tracks import Bools, Ints, Track
 from viso.streams.stream_kinds import Aspect
 

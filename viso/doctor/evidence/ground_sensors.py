@@ -269,6 +269,8 @@ def _given(log: LogColumns) -> Floats:
 class GroundListener:
     """Collects flow, ranges and the motion of one vehicle from a stream."""
 
+    MESSAGES: Final = ("OPTICAL_FLOW", *UNREAD_FLOW, "DISTANCE_SENSOR", "ATTITUDE", "SYS_STATUS", "LOCAL_POSITION_NED")
+
     def __init__(self) -> None:
         self._flows: dict[tuple[int, int], list[tuple[int, int, OPTICAL_FLOW]]] = defaultdict(list)
         self._ranges: dict[tuple[int, int, int, int], list[tuple[int, int, DISTANCE_SENSOR]]] = defaultdict(list)

@@ -30,6 +30,8 @@ _SOURCE_SET: Final = re.compile(r"Using EKF Source Set (\d)")
 class FilterListener:
     """Collects what one autopilot reports about its filter and its vision sensor."""
 
+    MESSAGES: Final = ("EKF_STATUS_REPORT", "SYS_STATUS", "HEARTBEAT")
+
     def __init__(self) -> None:
         self._reports: list[tuple[int, int, tuple[float, ...]]] = []
         self._sensors: list[tuple[int, int, int, int]] = []

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from ekf_stub.ahrs.sources import EXTNAV
+from mav_handlers.handlers import VISION_NAMES
 from mav_handlers.wire.codec import message_name
 from mav_handlers.wire.messages import VISION_POSITION_DELTA
-from viso.doctor.evidence.stream_data import VISION_NAMES
 from viso.doctor.evidence.tracks import POSE_TYPES, VELOCITY_TYPES
 from viso.doctor.evidence.vehicle_data import VehicleData
 from viso.firmware.flown import FlownVersion, JudgedBy

@@ -23,9 +23,6 @@ from viso.doctor.evidence.tracks import (
 from viso.streams.stream import message_id_of
 from viso.streams.stream_kinds import Aspect, Stream
 
-VISION_NAMES: Final = frozenset(cls.__name__ for cls in VISION_MESSAGES)
-"""The names of the messages of external navigation."""
-
 _MAVLINK_1: Final = 0xFE
 _IDS_OF_MAVLINK_1, _IDS_OF_MAVLINK_2 = slice(3, 6), slice(5, 10)
 _FEWEST_REFUSED: Final = 5

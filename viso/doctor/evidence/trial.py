@@ -10,7 +10,7 @@ from typing import Final
 
 from ap_visualodom.verdicts import CONSUMED
 from mav_handlers.endpoint import MessageEvent
-from mav_handlers.handlers import VISION_MESSAGES
+from mav_handlers.handlers import VISION_NAMES
 from viso.doctor.evidence.set_up import SetUp
 from viso.doctor.evidence.tracks import HandledMessage
 from viso.errors import InputError
@@ -140,7 +140,7 @@ def _params_of(vehicle: Vehicle) -> dict[str, float]:
 def _filter_until_us(stream: Stream, filter_s: float) -> int | None:
     """Return until when the filter runs, us since boot; None for all the way."""
     times_us = [message.arrival_us for message in stream.messages if message.arrival_us is not None]
-    numbers = (number for number, received in received_in(stream) if type(received.message) in VISION_MESSAGES)
+    numbers = (number for number, _ in received_in(stream, VISION_NAMES))
     first = next(numbers, None) if math.isfinite(filter_s) and times_us else None
     if first is None:
         return None

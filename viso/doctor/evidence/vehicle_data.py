@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a recording holds of the vehicle itself: attitude, height, position, parameters, texts, its filter."""
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from mav_handlers.handlers import VISION_MESSAGES
-from mav_handlers.wire.codec import Codec, Header, Received
+from mav_handlers.handlers import VISION_NAMES
+from mav_handlers.wire.codec import Header
 from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, SIM_STATE, SIMSTATE, STATUSTEXT, Message
 from viso.doctor.evidence.boot_clock import BootClock, boot_clock
 from viso.doctor.evidence.ground_sensors import NO_GROUND_SENSORS, GroundListener, GroundSensors, ground_sensors_in
@@ -36,6 +37,7 @@ from viso.errors import InputError
 from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.recorded import read_columns, recorded_states
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, HeardParams, ParamListener, is_autopilot
+from viso.streams.stream import received_in
 from viso.streams.stream_kinds import Stream
 
 _LOG_ENDINGS: Final = (".bin", ".bin.xz")
@@ -156,29 +158,45 @@ class VehicleData:
 
 
 class _Listener:
+    MESSAGES: Final = frozenset(
+        {
+            *GroundListener.MESSAGES,
+            *ParamListener.MESSAGES,
+            *PositionListener.MESSAGES,
+            *FilterListener.MESSAGES,
+            *VISION_NAMES,
+            "HEARTBEAT",
+            "ATTITUDE",
+            "GLOBAL_POSITION_INT",
+            "SIM_STATE",
+            "SIMSTATE",
+            "STATUSTEXT",
+        }
+    )
+
     def __init__(self) -> None:
         self.system_id: int | None = None
         self._ground = GroundListener()
         self._attitudes: dict[int, list[tuple[int, int, float, float, float]]] = {}
         self._heights: dict[int, list[tuple[int, float]]] = {}
-        self._params: dict[int, ParamListener] = {}
+        self._params: defaultdict[int, ParamListener] = defaultdict(ParamListener)
         self._texts: dict[int, list[tuple[int, int, str]]] = {}
-        self._positions: dict[int, PositionListener] = {}
-        self._filters: dict[int, FilterListener] = {}
+        self._positions: defaultdict[int, PositionListener] = defaultdict(PositionListener)
+        self._filters: defaultdict[int, FilterListener] = defaultdict(FilterListener)
         self._truths: dict[int, list[tuple[float, ...]]] = {}
         self._stamps: dict[Sender, list[tuple[int, int, int]]] = {}
 
     def take(self, time_us: int, number: int, header: Header, message: Message | None) -> None:
         sender = header.system_id
         self._ground.take(time_us, number, header, message)
-        self._params.setdefault(sender, ParamListener()).take(time_us, header.component_id, message)
+        self._params[sender].take(time_us, header.component_id, message)
         if isinstance(message, STAMPED_TYPES):
             whose = Sender(sender, header.component_id, header.name)
             self._stamps.setdefault(whose, []).append((time_us, stamp_of(message), header.sequence))
         if header.component_id != MAV_COMP_ID_AUTOPILOT1:
             return
-        self._positions.setdefault(sender, PositionListener()).take(time_us, message)
-        self._filters.setdefault(sender, FilterListener()).take(time_us, message)
+        self._positions[sender].take(time_us, message)
+        self._filters[sender].take(time_us, message)
         if self.system_id is None and is_autopilot(header.component_id, message):
             self.system_id = sender
         elif isinstance(message, ATTITUDE):
@@ -280,16 +298,13 @@ def listen(
 
     Given parameters win over those heard. ``firmware`` is the release that takes the flow of companions.
     """
-    codec, listener, time_us, number, vision = Codec(0, 0), _Listener(), 0, 0, set[str]()
-    for message in stream.messages:
-        time_us = time_us if message.arrival_us is None else message.arrival_us
-        codec.feed(message.frame)
-        while (received := codec.next_received()) is not None:
-            number += 1
-            if isinstance(received, Received):
-                listener.take(time_us, number, received.header, received.message)
-                if type(received.message) in VISION_MESSAGES:
-                    vision.add(received.header.name)
+    listener, time_us, vision = _Listener(), 0, set[str]()
+    for place, (header, message) in received_in(stream, _Listener.MESSAGES):
+        arrival_us = stream.messages[place].arrival_us
+        time_us = time_us if arrival_us is None else arrival_us
+        listener.take(time_us, place + 1, header, message)
+        if header.name in VISION_NAMES:
+            vision.add(header.name)
     return replace(listener.vehicle({**stream.params, **given}, firmware), vision=frozenset(vision))
 
 

@@ -128,6 +128,18 @@ def follows_yaw(params: Mapping[str, float]) -> bool:
 class PositionListener:
     """Collects what one autopilot reports about its position and height."""
 
+    MESSAGES: Final = (
+        "GPS_RAW_INT",
+        "GLOBAL_POSITION_INT",
+        "LOCAL_POSITION_NED",
+        "EKF_STATUS_REPORT",
+        "SIM_STATE",
+        "SIMSTATE",
+        "HEARTBEAT",
+        "SCALED_PRESSURE",
+        "VFR_HUD",
+    )
+
     def __init__(self) -> None:
         self._places: dict[str, list[Place]] = {name: [] for name in _PLACES}
         self._levels: dict[str, list[tuple[float, float]]] = {"SIM_STATE": [], "SCALED_PRESSURE": [], "VFR_HUD": []}

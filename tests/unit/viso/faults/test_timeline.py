@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from mav_handlers.handlers import VISION_NAMES
 from viso.faults import FAULTS, Timeline, TimelineError, load_timeline, parse_timeline
 from viso.faults.motion import PositionGlitch
-from viso.faults.poses import VISION_NAMES
 
 
 def one(text: str) -> str:
