@@ -113,7 +113,7 @@ class MavEndpoint:
         vehicle.texts.on_text.append(self._on_text)
 
     def open_channel(
-        self, name: str, *, baud: int | None = None, version: int = 2, now_us: int = 0, beside: Channel | None = None
+        self, name: str, *, baud: int | None = None, version: int = 2, now_us: int = 0, port: int | None = None
     ) -> Channel:
         """Add a link.
 
@@ -122,12 +122,13 @@ class MavEndpoint:
             baud: bits per second for the transport time of a UART; None for no delay.
             version: of MAVLink, 1 or 2.
             now_us: time since boot.
-            beside: the server's first link, if this is a further client; its parameters apply to both.
+            port: the number of the port whose parameters apply, if it is not a port of its own: a further client of a
+                server has those of the first.
         """
         codec = Codec(self._system_id(), MAV_COMP_ID_AUTOPILOT1, version)
         free = (channel.index for channel in self.channels if not channel.is_open)
-        number = len(self.channels) if beside is None else next(free, len(self.channels))
-        port = number if beside is None else beside.port
+        number = len(self.channels) if port is None else next(free, len(self.channels))
+        port = number if port is None else port
         channel = Channel(
             number, name, codec, baud, reserve=self._reserve, rest=self._rest, port=port, timesync_sent_us=now_us
         )

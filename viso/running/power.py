@@ -53,8 +53,8 @@ class PoweredVehicle:
         self._on_boot(self.vehicle)
 
     def _open(self, port: Port) -> None:
-        beside, now_us = None if port.beside is None else self.channels[port.beside], self.vehicle.clock.micros64()
-        channel = self.vehicle.endpoint.open_channel(port.name, baud=port.baud, now_us=now_us, beside=beside)
+        now_us = self.vehicle.clock.micros64()
+        channel = self.vehicle.endpoint.open_channel(port.name, baud=port.baud, now_us=now_us, port=port.beside)
         self.channels.append(channel)
 
     def add_client(self, name: str, beside: int) -> None:

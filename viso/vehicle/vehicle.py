@@ -317,12 +317,12 @@ class Vehicle:
         return Vicon(self.source.airframe, self.params.group("SIM_VICON_"))
 
     def _see(self) -> None:
-        """Send the messages of the simulator's own camera, on the link after those of clients."""
+        """Send the messages of the simulator's own camera, on the port after those of clients."""
         vicon, channel, now_us = self._vicon, self._vicon_channel, self.clock.micros64()
         if vicon is None:
             return
         if channel is None:
-            channel = self._vicon_channel = self.endpoint.open_channel("vicon", now_us=now_us)
+            channel = self._vicon_channel = self.endpoint.open_channel("vicon", now_us=now_us, port=self._config.links)
         arrived = vicon.update(now_us)
         if arrived:
             self.receive_bytes(channel, arrived)

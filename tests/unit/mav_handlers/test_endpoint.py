@@ -128,7 +128,7 @@ class TestFurtherClient:
     def bench(self, make_bench: "MakeBench") -> "Bench":
         bench = make_bench(bauds=(None, None), MAV1_EXTRA1=10)
         endpoint = bench.endpoint
-        channel = endpoint.open_channel("link0#2", beside=bench.client.channel, now_us=bench.now_us)
+        channel = endpoint.open_channel("link0#2", port=bench.client.channel.port, now_us=bench.now_us)
         bench.clients.append(type(bench.client)(bench, channel))
         return bench
 
@@ -174,7 +174,7 @@ class TestFurtherClient:
         bench.clients[2].tell(COMMAND_LONG(1, 1, 511, 0, 32.0, 20_000.0, 0, 0, 0, 0, 0))
         bench.endpoint.close_channel(gone)
         counted = bench.endpoint.verdict_counts()
-        channel = bench.endpoint.open_channel("link0#2", beside=bench.client.channel, now_us=bench.now_us)
+        channel = bench.endpoint.open_channel("link0#2", port=bench.client.channel.port, now_us=bench.now_us)
         assert (channel.index, channel.intervals_ms) == (gone.index, bench.client.channel.intervals_ms)
         assert bench.endpoint.verdict_counts() == counted
 

@@ -22,6 +22,9 @@ from viso.logs.files import LogStore
 from viso.parameters.store import MemoryParamStore
 from viso.running.power import Port, PoweredVehicle
 from viso.running.virtual_time import Scheduler
+from viso.vehicle.config import by_ekf3
+from viso.vehicle.sensors.moving import FlyingSource
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 REBOOT = 246
@@ -118,6 +121,15 @@ def test_ports_stay(make: Callable[..., Rig]) -> None:
     before = [(channel.name, channel.baud) for channel in rig.powered.channels]
     assert rig.reboot()
     assert [(channel.name, channel.baud) for channel in rig.powered.channels] == before
+
+
+def test_camera_keeps_its_port_when_further_clients_are_there_at_the_restart(make: Callable[..., Rig]) -> None:
+    rig = make(make_ahrs=by_ekf3(FlyingSource, ImuOptions()), vicon=True)
+    rig.powered.add_client("telemetry#2", 0)
+    assert rig.reboot()
+    rig.run(2.5)
+    ports = {channel.name: channel.port for channel in rig.powered.vehicle.endpoint.channels}
+    assert ports == {"telemetry": 0, "radio": 1, "telemetry#2": 0, "vicon": 2}
 
 
 def test_parameter_that_needs_a_reboot_works_after_it(make: Callable[..., Rig]) -> None:
