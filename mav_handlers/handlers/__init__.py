@@ -15,6 +15,7 @@ from mav_handlers.handlers import (
     neighbours,
     others,
     params,
+    radio,
     transfers,
     vision,
 )
@@ -67,7 +68,7 @@ HANDLERS: Final[Mapping[type[m.Message], Callable[[Context, Any], Verdict]]] = {
     m.NAMED_VALUE_FLOAT: neighbours.handle_named_value_float,
     m.SET_POSITION_TARGET_LOCAL_NED: guided.handle_set_position_target_local_ned,
     m.SET_POSITION_TARGET_GLOBAL_INT: guided.handle_set_position_target_global_int,
-    m.RC_CHANNELS_OVERRIDE: guided.handle_rc_channels_override,
+    m.RC_CHANNELS_OVERRIDE: radio.handle_rc_channels_override,
     m.HIL_SENSOR: neighbours.handle_hil_sensor,
     m.HIL_STATE_QUATERNION: neighbours.handle_hil_state_quaternion,
     m.FILE_TRANSFER_PROTOCOL: transfers.handle_file_transfer_protocol,

@@ -16,9 +16,8 @@ from ap_core.verdict import Verdict
 from mav_handlers.channel import Context
 from mav_handlers.handlers.commands.flight import GUIDED, GuidedTarget
 from mav_handlers.handlers.commands.home import above_the_sea, altitude_cm
-from mav_handlers.verdicts import HANDLED, NO_FLIGHT, NOT_ACCEPTED, NOT_GUIDED, TARGET_REFUSED
+from mav_handlers.verdicts import HANDLED, NO_FLIGHT, NOT_GUIDED, TARGET_REFUSED
 from mav_handlers.wire.messages import (
-    RC_CHANNELS_OVERRIDE,
     SET_POSITION_TARGET_GLOBAL_INT,
     SET_POSITION_TARGET_LOCAL_NED,
 )
@@ -132,19 +131,3 @@ def _turned(vector: _Three, yaw_rad: float) -> _Three:
 def _obey(flight: FlightControl, target: GuidedTarget | None) -> Verdict:
     flight.guide(target)
     return TARGET_REFUSED if target is None else HANDLED
-
-
-def handle_rc_channels_override(ctx: Context, message: RC_CHANNELS_OVERRIDE) -> Verdict:
-    """Override the pilot's sticks, if the sender is the ground station in charge."""
-    flight = ctx.vehicle.copter.flight
-    if flight is None:
-        return NO_FLIGHT
-    if not ctx.vehicle.release.params.is_ground_station(ctx.vehicle.params, ctx.header.system_id):
-        return NOT_ACCEPTED
-    flight.override_sticks(
-        (
-            *(message.chan1_raw, message.chan2_raw, message.chan3_raw, message.chan4_raw),
-            *(message.chan5_raw, message.chan6_raw, message.chan7_raw, message.chan8_raw),
-        )
-    )
-    return HANDLED

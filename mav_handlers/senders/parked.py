@@ -35,7 +35,6 @@ BATTERY_REMAINING_PCT: Final = 100
 BOARD_MV: Final = 5000
 FREE_MEMORY: Final = 512 * 1024
 # Sticks centred, throttle down, mode switch on its sixth position (STABILIZE); eight of 16 channels in use.
-RC_PWM_US: Final = (1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800)
 RC_CHANNEL_COUNT: Final = 16
 MOTOR_PWM_US: Final = (1000,) * 4
 
@@ -99,13 +98,17 @@ def servo_output_raw(_vehicle: Vehicle, _channel: Channel, now_us: int) -> SERVO
     return SERVO_OUTPUT_RAW(u32(now_us), 0, *MOTOR_PWM_US, *(0,) * 4)
 
 
-def rc_channels(_vehicle: Vehicle, _channel: Channel, now_us: int) -> RC_CHANNELS:
-    """Sticks centred and throttle down, in us (GCS_MAVLINK::send_rc_channels)."""
-    return RC_CHANNELS(boot_ms(now_us), RC_CHANNEL_COUNT, *RC_PWM_US, *(0,) * 10, rssi=_RSSI_UNKNOWN)
+def rc_channels(vehicle: Vehicle, _channel: Channel, now_us: int) -> RC_CHANNELS:
+    """The radio's channels, in us; sticks centred and throttle down if nobody moves them.
+
+    Source: GCS_MAVLINK::send_rc_channels.
+    """
+    pwm_us = vehicle.copter.receiver.channels_us()
+    return RC_CHANNELS(*(boot_ms(now_us), RC_CHANNEL_COUNT, *pwm_us, 0, 0, _RSSI_UNKNOWN))
 
 
-def rc_channels_raw(_vehicle: Vehicle, channel: Channel, now_us: int) -> RC_CHANNELS_RAW | None:
+def rc_channels_raw(vehicle: Vehicle, channel: Channel, now_us: int) -> RC_CHANNELS_RAW | None:
     """The same for MAVLink 1; nothing on a MAVLink 2 link (GCS_MAVLINK::send_rc_channels_raw)."""
     if channel.codec.version == 2:
         return None
-    return RC_CHANNELS_RAW(boot_ms(now_us), 0, *RC_PWM_US, _RSSI_UNKNOWN)
+    return RC_CHANNELS_RAW(*(boot_ms(now_us), 0, *vehicle.copter.receiver.channels_us()[:8], _RSSI_UNKNOWN))

@@ -576,6 +576,13 @@ DIFFERENCES: Final[tuple[Difference, ...]] = (
     ),
     Difference(
         _LOG,
+        "index of the channel or link in `AUXF`",
+        lambda one: "yes" if one.log.has_index_of_aux_function else "no",
+        "log.has_index_of_aux_function",
+        (Upstream("9ebb87816a", "2024-12-20"),),
+    ),
+    Difference(
+        _LOG,
         "texts in a log",
         lambda one: f"`{one.log.message.labels}`",
         "log.message",

@@ -50,6 +50,7 @@ class LogRelease:
         shifts: ids of the reference, in ascending order, each with by how much ids from there up to the next are
             greater in this release: records that it has more come before them.
         fills_odometry: RBOH, the replay record of a body odometry, has the camera's place and delay.
+        has_index_of_aux_function: AUXF tells which channel or link ran an auxiliary function.
     """
 
     message: LogStructure
@@ -58,6 +59,7 @@ class LogRelease:
     shifts: tuple[tuple[int, int], ...] = ()
     layouts: tuple[LogStructure, ...] = ()
     fills_odometry: bool = False
+    has_index_of_aux_function: bool = True
 
     def own(self, structure: LogStructure) -> LogStructure:
         """Return a layout as this release has it, with its own id."""
@@ -87,7 +89,13 @@ _RANGES_IN_CM: Final = (
     replace(RRNH, format="hhB", units="???", multipliers="???"),
     replace(RRNI, format="fffHBBB", units="------#", multipliers="-------"),
 )
-STABLE_4_6: Final = LogRelease(MSG, no_head, 2, layouts=(*_RANGES_IN_CM, replace(RFRN, units="DUm????????")))
+STABLE_4_6: Final = LogRelease(
+    MSG,
+    no_head,
+    2,
+    layouts=(*_RANGES_IN_CM, replace(RFRN, units="DUm????????")),
+    has_index_of_aux_function=False,
+)
 """4.6, which has ranges in whole centimetres."""
 
 _MODE_ID, _FMT_ID, _RTER_ID, _LANDING_ID, _VER_ID = 120, 128, 161, 110, 206

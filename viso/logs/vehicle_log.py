@@ -20,7 +20,6 @@ from mav_handlers.channel import Channel
 from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.logger import Logger
 
-AUX_SOURCE_MAVLINK: Final = 3
 ORGN_EKF: Final = 0
 ORGN_HOME: Final = 1
 
@@ -109,11 +108,15 @@ class VehicleLog:
         values = (self._clock.micros64(), system_id, round_trip_us)
         self._logger.write_named("TSYN", "TimeUS,SysID,RTT", "s-s", "F-F", "QBQ", values)
 
-    def aux_function(self, function: int, position: int, result: bool) -> None:
-        """Write AUXF of a function run by MAVLink."""
-        values = (self._clock.micros64(), function, position, AUX_SOURCE_MAVLINK, 0, int(result))
-        labels = "TimeUS,function,pos,source,index,result"
-        self._logger.write_named("AUXF", labels, "s#----", "F-----", "QHBBHB", values)
+    def aux_function(self, function: int, position: int, source: int, index: int, result: bool) -> None:
+        """Write AUXF: an auxiliary function, and what ran it."""
+        head = self._clock.micros64(), function, position, source
+        if self._firmware.log.has_index_of_aux_function:
+            labels = "TimeUS,function,pos,source,index,result"
+            self._logger.write_named("AUXF", labels, "s#----", "F-----", "QHBBHB", (*head, index, int(result)))
+        else:
+            labels = "TimeUS,function,pos,source,result"
+            self._logger.write_named("AUXF", labels, "s#---", "F----", "QHBBB", (*head, int(result)))
 
     def named_value(self, time_boot_ms: int, name: str, value: float, system_id: int, component_id: int) -> None:
         """Write NVAL: somebody's named value, with the sender's ids."""

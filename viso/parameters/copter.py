@@ -102,6 +102,7 @@ MODES: Final = (
     ParamInfo("GPS_HDOP_GOOD", INT16, 140, "Dilution x 100 at which arming still trusts a GPS", "", (100.0, 900.0)),
     ParamInfo("FS_THR_ENABLE", INT8, 1, "What to do when the radio is lost", values=_RADIO_ACTION),
     ParamInfo("FS_THR_VALUE", INT16, 975, "Throttle below which the radio counts as lost", "PWM", (910.0, 1100.0)),
+    ParamInfo("THR_DZ", INT16, 100, "Dead zone about the throttle stick's middle, of 1000", "PWM", (0.0, 300.0)),
     *(
         ParamInfo(f"FLTMODE{number}", INT8, 0, f"Mode of switch position {number}", values=_SWITCHED_MODES)
         for number in range(1, _NUMBER_OF_MODES + 1)
@@ -151,13 +152,26 @@ FRAME_CLASS: Final = (
     ParamInfo("FRAME_CLASS", INT8, 1, "Kind of multicopter", values=_FRAME_CLASS, reboot_required=True),
 )
 
-NUMBER_OF_STICKS: Final = 4
-RC_CHANNEL: Final = (
-    ParamInfo("MIN", INT16, 1100, "Pulse at one end of the stick", "PWM", _PWM),
-    ParamInfo("TRIM", INT16, 1500, "Pulse in the stick's middle", "PWM", _PWM),
-    ParamInfo("MAX", INT16, 1900, "Pulse at the other end of the stick", "PWM", _PWM),
+NUMBER_OF_CHANNELS: Final = 16
+_DEAD_ZONES_US: Final = {1: 20, 2: 20, 3: 30, 4: 20}
+_OPTIONS: Final = {0: "Do Nothing", 80: "Viso Align", 90: "EKF Source Set"}
+
+
+def rc_channel(number: int) -> tuple[ParamInfo, ...]:
+    """Return the rows of RCn_; the dead zones of sticks are those of Copter::default_dead_zones."""
+    return (
+        ParamInfo("MIN", INT16, 1100, "Pulse at one end of the stick", "PWM", _PWM),
+        ParamInfo("TRIM", INT16, 1500, "Pulse in the stick's middle", "PWM", _PWM),
+        ParamInfo("MAX", INT16, 1900, "Pulse at the other end of the stick", "PWM", _PWM),
+        ParamInfo("REVERSED", INT8, 0, "Turn the stick's direction round", values=_OFF_ON),
+        ParamInfo("DZ", INT16, _DEAD_ZONES_US.get(number, 0), "Dead zone about the middle", "PWM", (0.0, 200.0)),
+        ParamInfo("OPTION", INT16, 0, "What the channel's switch does", values=_OPTIONS),
+    )
+
+
+RECEIVER: Final = (
+    ParamInfo("RC_OVERRIDE_TIME", FLOAT, 3.0, "How long RC_CHANNELS_OVERRIDE holds, -1 for ever", "s", (0.0, 120.0)),
 )
-"""Rows of one of the RCn_ groups."""
 
 FENCE: Final = (ParamInfo("ENABLE", INT8, 0, "Keep within a fence, which there is not here", values=_OFF_ON),)
 

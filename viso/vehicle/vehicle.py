@@ -42,6 +42,7 @@ from viso.vehicle.config import VehicleConfig, bench
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.motors import frame_text
 from viso.vehicle.copter.origin import Origin
+from viso.vehicle.copter.switches import SWITCH_PERIOD_US
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
 from viso.vehicle.ftp import UartCounts, UartsText, VehicleFiles
 from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
@@ -188,6 +189,7 @@ class Vehicle:
             Task("flow", flow.update, FLOW_PERIOD_US, flow.idle_until_us, boot_us),
             Task("ranges", ranges.update, RANGE_PERIOD_US, ranges.idle_until_us, FIRST_RANGE_US),
             Task("disarming", copter.disarm_when_idle, _TENTH_US),
+            Task("switches", copter.switches.update, SWITCH_PERIOD_US, copter.switches.idle_until_us),
             Task("EKF check", copter.check_estimator, _TENTH_US),
             self._attitude,
             Task("once a second", self._each_second, _SECOND_US, next_us=FIRST_SECOND_US),

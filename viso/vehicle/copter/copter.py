@@ -18,6 +18,8 @@ from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import AvailableMode, FlightModes, ModeNumber, ModeReason
 from viso.vehicle.copter.motors import Motors
+from viso.vehicle.copter.receiver import Receiver
+from viso.vehicle.copter.switches import Switches
 from viso.vehicle.sensors.airframe import Airframe
 
 if TYPE_CHECKING:
@@ -45,6 +47,7 @@ class Copter:
     """Mode, home, arming and landing, each of which depends on the others.
 
     Attributes:
+        receiver, switches: of the pilot's radio.
         flight: who flies it; None if nobody does.
         safety_on: the safety switch keeps the motors off.
         disarmed_us: when it was disarmed, or arming it failed; None before the first time.
@@ -62,7 +65,9 @@ class Copter:
         self.home = Home(vehicle, self.is_armed, self.mission)
         self.modes = FlightModes(vehicle, self.estimates, self.home, self.is_armed)
         self._motors = Motors(vehicle)
-        self.landing = Landing(vehicle, self.modes, self._motors)
+        self.receiver = Receiver(vehicle.params, vehicle.clock)
+        self.switches = Switches(vehicle, self.receiver)
+        self.landing = Landing(vehicle, self.modes, self._motors, self.receiver)
         checks = ArmingChecks(vehicle).lists()
         group = vehicle.params.group("ARMING_")
         self.arming = Arming(checks, group, vehicle.texts, vehicle.log, vehicle.clock, vehicle.firmware.params)
@@ -76,7 +81,8 @@ class Copter:
         self.flight = None if airframe is None else self._make_flight(airframe)
 
     def _make_flight(self, airframe: Airframe) -> FlightControl:
-        return FlightControl(airframe, self._vehicle, self.modes, self.landing, self.estimates, self.home)
+        parts = self.modes, self.landing, self.estimates, self.home, self.receiver
+        return FlightControl(airframe, self._vehicle, *parts)
 
     def _act_on_ekf_failure(self) -> str | None:
         """Leave a mode that needs a position, as FS_EKF_ACTION has it; return the new one's name if it was left.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 from ap_core.clock import NEVER
 from viso.vehicle.copter.modes import FlightModes, Mode, ModeNumber, UserTakeoff
 from viso.vehicle.copter.motors import Motors
+from viso.vehicle.copter.receiver import Receiver
 
 if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle
@@ -52,17 +53,18 @@ class Landing:
         grounded_since_us: since when it has stood on the ground in a descent, of one that is flown; else None.
     """
 
-    def __init__(self, vehicle: "Vehicle", modes: FlightModes, motors: Motors) -> None:
+    def __init__(self, vehicle: "Vehicle", modes: FlightModes, motors: Motors, receiver: Receiver) -> None:
         self._ahrs = vehicle.ahrs
         self._log = vehicle.log
         self._params = vehicle.params
         self._clock = vehicle.clock
         self._modes = modes
         self._motors = motors
+        self._receiver = receiver
         self._armed_down_m = 0.0
         self._idle_since_us = 0
         self._lift_off_us: int | None = None
-        self._auto_armed = False
+        self._auto_armed = self._is_throttle_up = False
         self._perhaps_landed = True
         self._takeoff: tuple[Mode, float] | None = None  # the mode, and where it ends, m below the origin
         self._flying_since_us = 0
@@ -88,7 +90,7 @@ class Landing:
     def note_disarmed(self) -> None:
         """Count as landed, as a disarmed vehicle does."""
         self._lift_off_us = self._takeoff = None
-        self._auto_armed = False
+        self._auto_armed = self._is_throttle_up = False
         self._set_landed(True)
 
     def is_taking_off(self) -> bool:
@@ -102,15 +104,27 @@ class Landing:
         if not self.landed or not able:
             return False
         if not self._spools_up():
-            self._lift_off_us = self._motors.lift_us()
-        if not self._auto_armed:
-            self._auto_armed = True
-            self._log.event(EV_AUTO_ARMED)
+            self._spool_up()
         self._takeoff = self._modes.current, self._down_m() - climb_m
         return True
 
+    def _spool_up(self) -> None:
+        self._lift_off_us = self._motors.lift_us()
+        if not self._auto_armed:
+            self._auto_armed = True
+            self._log.event(EV_AUTO_ARMED)
+
     def _spools_up(self) -> bool:
-        return self._lift_off_us is not None and self.is_taking_off()
+        return self._lift_off_us is not None and (self._is_throttle_up or self.is_taking_off())
+
+    def heed_throttle(self, *, is_up: bool) -> None:
+        """Take note of the throttle stick of an armed vehicle on the ground, in a mode that a pilot flies.
+
+        The vehicle lifts off once its motors have spooled up while the stick is above its middle.
+        """
+        if is_up and not self._spools_up():
+            self._spool_up()
+        self._is_throttle_up = is_up
 
     def takeoff_down_m(self) -> float:
         """Return where a take-off that is under way ends, m below the origin."""
@@ -125,7 +139,7 @@ class Landing:
         if self.is_from_log:
             return
         if self._lift_off_us is not None and self._clock.micros64() >= self._lift_off_us:
-            if self.is_taking_off():
+            if self._is_throttle_up or self.is_taking_off():
                 self._set_landed(False)
             self._lift_off_us = None
         if self._takeoff is not None and self._down_m() <= self._takeoff[1] + HIGH_ENOUGH_M:
@@ -200,11 +214,12 @@ class Landing:
     def wants_disarming(self, armed: bool) -> bool:
         """Tell, ten times per second, whether the vehicle has idled on the ground for DISARM_DELAY.
 
-        Its throttle stick is down, always. Source: Copter::auto_disarm_check.
+        Source: Copter::auto_disarm_check.
         """
         now_us = self._clock.micros64()
         delay_us = self._params.get_int("DISARM_DELAY") * 1_000_000
         idles = armed and not self.is_from_log and delay_us > 0 and self.landed and not self._spools_up()
+        idles = idles and self._receiver.is_throttle_down()
         if not idles or self._modes.current.number == ModeNumber.THROW:
             self._idle_since_us = now_us
         return idles and now_us - self._idle_since_us >= delay_us

@@ -3,7 +3,6 @@
 """Targets and sticks: who takes them, and what is understood of them."""
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -11,10 +10,9 @@ import pytest
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from mav_handlers.handlers.commands.flight import GuidedTarget
-from mav_handlers.verdicts import HANDLED, NO_FLIGHT, NOT_ACCEPTED, NOT_GUIDED, TARGET_REFUSED
+from mav_handlers.verdicts import HANDLED, NO_FLIGHT, NOT_GUIDED, TARGET_REFUSED
 from mav_handlers.wire.messages import (
     COMMAND_INT,
-    RC_CHANNELS_OVERRIDE,
     SET_POSITION_TARGET_GLOBAL_INT,
     SET_POSITION_TARGET_LOCAL_NED,
 )
@@ -49,9 +47,6 @@ class Flight:
     def change_speed(self, speed_m_s: float) -> None:
         self.told.append(speed_m_s)
 
-    def override_sticks(self, pwm_us: Sequence[int]) -> None:
-        self.told.append(tuple(pwm_us))
-
 
 @pytest.fixture
 def flight(bench: "Bench", monkeypatch: pytest.MonkeyPatch) -> Flight:
@@ -76,7 +71,6 @@ PLACE_ALONE = VEL | ACC | YAW | RATE
 
 def test_nobody_flies_it(bench: "Bench") -> None:
     assert bench.client.tell(local(PLACE_ALONE)) == NO_FLIGHT
-    assert bench.client.tell(RC_CHANNELS_OVERRIDE(1, 1, *(1500,) * 8)) == NO_FLIGHT
     for number in (CONDITION_YAW, CHANGE_SPEED):
         assert bench.client.command(number) == UNSUPPORTED
     assert bench.client.command_int(REPOSITION) == UNSUPPORTED
@@ -178,13 +172,6 @@ def test_altitude_is_cut_off_at_whole_centimetres(
     bench.client.tell(on_earth(PLACE_ALONE, 5, HERE.lat, HERE.lng, altitude_m))
     assert bench.client.command_int(REPOSITION, x=HERE.lat, y=HERE.lng, z=altitude_m, frame=5) == ACCEPTED
     assert [target.pos_ned_m[2] for target in flight.told] == pytest.approx([down_m] * 2, abs=1e-4)
-
-
-def test_sticks_are_the_ground_stations(bench: "Bench", flight: Flight) -> None:
-    bench.client.tell(RC_CHANNELS_OVERRIDE(1, 1, *range(1100, 1900, 100)))
-    assert flight.told == [tuple(range(1100, 1900, 100))]
-    bench.vehicle.params.set("MAV_GCS_SYSID", 7)
-    assert bench.client.tell(RC_CHANNELS_OVERRIDE(1, 1, *(1500,) * 8)) == NOT_ACCEPTED
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,8 @@ LINKS_OF_THE_LOG = 3
 VISO = (ParamInfo("_TYPE", ParamType.INT8, 0, "backend"),)
 
 SET_BY_FILES = r"""(?x)
-    FLTMODE[1-5] | FRAME_TYPE | COMPASS_OFS[23]?_[XYZ] | INS_ACCOFFS_[XYZ] | BATT_MONITOR | RC[1-4]_(MIN|MAX)
-    | GPS1_TYPE | EK3_SRC1_(POSXY|VELXY|VELZ) | VISO_(TYPE|DELAY_MS) | LOG_REPLAY
+    FLTMODE[1-5] | FRAME_TYPE | COMPASS_OFS[23]?_[XYZ] | INS_ACCOFFS_[XYZ] | BATT_MONITOR | RC\d+_(MIN|MAX)
+    | RC7_OPTION | GPS1_TYPE | EK3_SRC1_(POSXY|VELXY|VELZ) | VISO_(TYPE|DELAY_MS) | LOG_REPLAY
 """
 """What the simulator's file of defaults, and that of the recording, set otherwise than the firmware."""
 

@@ -6,7 +6,7 @@ It knows where the vehicle is by the vehicle's own estimate alone. An estimate t
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -22,10 +22,10 @@ from viso.vehicle.copter.flying.guided import Guided
 from viso.vehicle.copter.flying.piloted import Brake, HoldHeight, Loiter
 from viso.vehicle.copter.flying.position_control import Estimate
 from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Limits, Steering
-from viso.vehicle.copter.flying.sticks import PilotSticks
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import FlightModes, ModeNumber
+from viso.vehicle.copter.receiver import Receiver
 from viso.vehicle.sensors.airframe import MOTORS_OFF, Airframe, Demand
 from viso.vehicle.sensors.vectors import Three, yawed
 
@@ -78,6 +78,7 @@ class FlightControl:
         landing: Landing,
         estimates: Estimates,
         home: Home,
+        receiver: Receiver,
     ) -> None:
         self._airframe = airframe
         self._ahrs = vehicle.ahrs
@@ -87,7 +88,7 @@ class FlightControl:
         self._home = home
         self._limits = FromParams(vehicle.params, lambda: Limits.of(vehicle.params, vehicle.firmware.params.flying))
         self._steering = Steering(self._limits())
-        self._sticks = PilotSticks(vehicle.params, vehicle.clock)
+        self._receiver = receiver
         self.guided = Guided(self._steering)
         self.land = Land(self._steering, estimates.position_ok, self._height_m)
         self._returns = ReturnHome(self._steering, self.land, self._home_ned)
@@ -131,10 +132,6 @@ class FlightControl:
         """Stay for a while before the descent of a landing that a failsafe asks for (set_mode_land_with_pause)."""
         self._enter(self.land)
         self.land.pause()
-
-    def override_sticks(self, pwm_us: Sequence[int]) -> None:
-        """Move the pilot's sticks."""
-        self._sticks.override(pwm_us)
 
     def truth(self) -> FlightTruth:
         """Return where the vehicle really is, as of the last pass."""
@@ -182,13 +179,18 @@ class FlightControl:
             self._was_idle = False
             return False  # passes were left out; it decides when it would have if they had not been
         steering = self._steering
-        steering.now_us, steering.limits, steering.sticks = now_us, self._limits(), self._sticks.now()
+        steering.now_us, steering.limits, steering.sticks = now_us, self._limits(), self._receiver.sticks()
         steering.estimate = self._estimate()
+        if armed and self._landing.landed and self._is_piloted():
+            self._landing.heed_throttle(is_up=steering.sticks.throttle > 0)
         if not armed or self._landing.landed:
             self._idle()
         else:
             self._fly()
         return True
+
+    def _is_piloted(self) -> bool:
+        return isinstance(self._modes.get(self._flight_modes.current.number, self._others), Loiter | HoldHeight)
 
     def _estimate(self) -> Estimate:
         ahrs = self._ahrs

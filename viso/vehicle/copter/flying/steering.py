@@ -10,7 +10,7 @@ from ap_core.param import ParamTable
 from viso.parameters.flying import FlyingParameters
 from viso.vehicle.copter.flying.heading import Heading
 from viso.vehicle.copter.flying.position_control import Estimate, Pace, PositionControl
-from viso.vehicle.copter.flying.sticks import CENTRED, Sticks
+from viso.vehicle.copter.receiver import CENTRED, Sticks
 from viso.vehicle.sensors.vectors import ZERO
 
 PERIOD_S: Final = 0.02

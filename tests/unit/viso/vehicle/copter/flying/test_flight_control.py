@@ -229,24 +229,53 @@ def test_brake_stops_where_it_is(up: Flyer) -> None:
 
 def test_sticks_move_it_in_loiter_and_it_stays_without_them(up: Flyer) -> None:
     up.set_mode(ModeNumber.LOITER)
-    assert up.copter.flight is not None
     for _ in range(3):
-        up.copter.flight.override_sticks((1500, 1300, 1600, 65535))
+        up.copter.receiver.override((1500, 1300, 1600, 65535))
         up.run(1.0)
     vel = up.airframe.state.vel
     assert vel[0] > 3.0
-    assert vel[2] == pytest.approx(-0.25 * 2.5, abs=0.1)
+    assert vel[2] == pytest.approx(-0.0712 * 2.5, abs=0.05)
     up.run(12.0)  # nobody repeats them
     assert max(map(abs, up.airframe.state.vel)) < 0.1
 
 
+@pytest.mark.parametrize("mode", [ModeNumber.STABILIZE, ModeNumber.ALT_HOLD, ModeNumber.LOITER])
+def test_throttle_stick_lifts_it(flyer: Flyer, mode: ModeNumber) -> None:
+    flyer.set_mode(mode)
+    assert flyer.copter.arm(do_checks=False)
+    for _ in range(6):
+        flyer.copter.receiver.override((1500, 1500, 1700, 1500))
+        flyer.run(1.0)
+    assert flyer.pos[2] < -1.0
+    assert not flyer.copter.landing.landed
+
+
+def test_throttle_stick_lifts_nothing_in_guided(flyer: Flyer) -> None:
+    flyer.set_mode(ModeNumber.GUIDED)
+    assert flyer.copter.arm(do_checks=False)
+    flyer.copter.receiver.override((1500, 1500, 1900, 1500))
+    flyer.run(2.9)
+    assert flyer.copter.landing.landed
+
+
+def test_stick_in_its_middle_keeps_it_armed(flyer: Flyer) -> None:
+    flyer.set_mode(ModeNumber.ALT_HOLD)
+    assert flyer.copter.arm(do_checks=False)
+    flyer.copter.landing.wants_disarming(armed=False)
+    for throttle_us, is_armed in ((1500, False), (1000, True)):
+        for _ in range(11):
+            flyer.copter.receiver.override((1500, 1500, throttle_us, 1500))
+            flyer.run(1.0)
+            wants = flyer.copter.landing.wants_disarming(armed=True)
+        assert wants is is_armed
+
+
 def test_sticks_lean_it_in_alt_hold(up: Flyer) -> None:
     up.set_mode(ModeNumber.ALT_HOLD)
-    assert up.copter.flight is not None
-    up.copter.flight.override_sticks((1700, 1500, 1500, 1500))
+    up.copter.receiver.override((1700, 1500, 1500, 1500))
     up.run(1.5)
-    assert math.degrees(up.airframe.state.rpy[0]) == pytest.approx(15.0, abs=0.5)
-    up.copter.flight.override_sticks((0, 0, 0, 0))
+    assert math.degrees(up.airframe.state.rpy[0]) == pytest.approx(30.0 * 180 / 380, abs=0.3)
+    up.copter.receiver.override((0, 0, 0, 0))
     up.run(1.0)
     assert math.degrees(up.airframe.state.rpy[0]) == pytest.approx(0.0, abs=0.5)
 
