@@ -176,6 +176,7 @@ class Core:
         self.flow_reading = FlowReading(sizes.flow)
         self.gps = Gps(params, sizes.slow)
         self.stillness = Stillness()
+        self._sampler = DownSampler()
         self.origin: Location | None = None
         self._origin_height = OriginHeight()
         self.delta = Inertial((0.0, 0.0, -GRAVITY_MSS * LOOP_DT), ZERO, LOOP_DT, LOOP_DT)  # at rest
@@ -231,7 +232,7 @@ class Core:
         self.output = output
         aiding = Aiding(now_ms)
         self.aiding = aiding
-        self._sampler = DownSampler()
+        self._sampler.restart()
         self.stillness.reset()
         self._gyro_bias_rate: Vec3 = ZERO
         self._accel_bias_rate: Vec3 = ZERO
@@ -312,6 +313,7 @@ class Core:
             self._update(imus, now_ms, flying_ms, is_late)
         else:
             self.stillness.sense(self.delta)
+            self._sampler.add(self.delta, now_ms, False)
             self._bootstrap(now_ms)
         if self.initialised:
             self._note_records(now_ms)
@@ -357,6 +359,7 @@ class Core:
         elif self._had_flags_ms and now_ms - self._had_flags_ms > _FORCED_RESET_MS and not self.inputs.armed:
             # Nothing has been right for a while, on the ground.
             self.events.say(ev.FORCED_RESET)
+            sampler.add(delta, now_ms, False)  # the firmware reads the pass's data once more
             self._initialise(now_ms)
 
     def _test_stillness(self) -> None:
@@ -544,6 +547,7 @@ class Core:
             self.flow_reading.note_turn(state.turn_of(step, dt_ekf_avg), step.del_ang_dt)
         is_moved = self._fuses_rest and not self.stillness.is_still
         state.predict(step, dt_ekf_avg, self.aiding.mode != NO_AIDING, self.vehicle.on_ground, is_moved)
+        self.yaw.field.constrain()
         self.gps.note_motion(state.rotation, step)
         self.height.terrain.constrain()
         self.yaw.by_gps.predict(step)

@@ -81,11 +81,18 @@ class DownSampler:
     """
 
     def __init__(self) -> None:
+        self._turned: Quat = ONE
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin again, as the filter does.
+
+        FIRMWARE PARITY: rotations since the last step stay, so that the first step has also those of before.
+        """
         self.dt_ekf_avg = EKF_TARGET_DT
         self._clear()
 
     def _clear(self) -> None:
-        self._turned: Quat = ONE
         self._del_vel: Vec3 = ZERO
         self._vel_dt = 0.0
         self._ang_dt = 0.0
@@ -107,6 +114,7 @@ class DownSampler:
         interval = limited(0.5 * (self._ang_dt + self._vel_dt), 0.5 * dt, 2 * dt)
         self.dt_ekf_avg = dt + _AVERAGE_SHARE * (interval - dt)
         self._clear()
+        self._turned = ONE
         return step
 
 

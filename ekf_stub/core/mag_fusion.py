@@ -168,7 +168,7 @@ class MagFusion:
             # The variance of the innovation is that of before the first axis.
             rest = max(variance - expected, 0.0) if variance > 0.0 else math.nan
             state.fuse(expected, self.innovation[axis], rest)
-            self._limit()
+            self._keep_near_table()
         return True
 
     def _look_along(self, axis: int, quat: Quat, earth_field: Vec3, rotation: Rotation) -> float:
@@ -183,7 +183,12 @@ class MagFusion:
             row[BODY + i] = 1.0 if i == axis else 0.0
         return cov.look_along(0, STATES)
 
-    def _limit(self) -> None:
+    def constrain(self) -> None:
+        """Keep the earth's field near the table's, as a step begins (ConstrainStates)."""
+        if self._has_table:
+            self._keep_near_table()
+
+    def _keep_near_table(self) -> None:
         state, around = self._state, 0.001 * self._params.MAG_EF_LIM
         if around > 0:
             north, east, down = self._table_field

@@ -11,7 +11,7 @@ import math
 from typing import Final, final
 
 from ekf_stub.core.covariance import ACCEL, EARTH, GYRO, MIN_ACCEL_VAR, POS, POS_D, STATES, VEL, VEL_D, Covariance
-from ekf_stub.core.inertial import GRAVITY_MSS, MIN_DT, Inertial
+from ekf_stub.core.inertial import EKF_TARGET_DT, GRAVITY_MSS, MIN_DT, Inertial
 from ekf_stub.core.params import Params
 from ekf_stub.core.vectors import (
     ONE,
@@ -137,6 +137,7 @@ class State:
         for axis in range(3):
             self.clear(VEL + axis, VEL + axis + 1, vel_vars[axis])
             self.clear(POS + axis, POS + axis + 1, pos_vars[axis])
+        self._set_bias_vars(EKF_TARGET_DT)  # they count in the first prediction
         self.predicted_tilt_var = self._tilt_var()
 
     def _set_dt(self, dt_ekf_avg: float) -> None:
@@ -152,10 +153,12 @@ class State:
     def learn_biases(self, dt_ekf_avg: float) -> None:
         """Begin to estimate the biases, as tilt has been aligned (setWindMagStateLearningMode)."""
         self.learns_biases = True
-        limit = self._params.ACC_BIAS_LIM
+        self._set_bias_vars(dt_ekf_avg)
+
+    def _set_bias_vars(self, dt_ekf_avg: float) -> None:
         self._set_dt(dt_ekf_avg)
         self.clear(GYRO, ACCEL, square(_INITIAL_GYRO_BIAS * dt_ekf_avg))
-        self.clear(ACCEL, EARTH, square(_ACCEL_BIAS_LIM_SCALER * limit * dt_ekf_avg))
+        self.clear(ACCEL, EARTH, square(_ACCEL_BIAS_LIM_SCALER * self._params.ACC_BIAS_LIM * dt_ekf_avg))
 
     def learn_field(self, learns_field: bool) -> None:
         """Begin to estimate the magnetic fields, or stop; else their errors are zero."""

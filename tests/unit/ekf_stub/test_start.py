@@ -96,10 +96,12 @@ def test_first_attitude_is_what_the_accelerometers_show(rpy_deg: tuple[float, fl
 
 
 def test_first_variances_are_those_of_the_parameters() -> None:
-    rig = standing(run_s=1.0025, VELNE_M_NSE=0.4, VELD_M_NSE=0.6, POSNE_M_NSE=0.7, ALT_M_NSE=3.0)
+    rig = standing(run_s=1.0025, VELNE_M_NSE=0.4, VELD_M_NSE=0.6, POSNE_M_NSE=0.7, ALT_M_NSE=3.0, ACC_BIAS_LIM=0.5)
     variances = rig.core.state.cov.variances()
     assert variances[4:10] == pytest.approx([0.16, 0.16, 0.36, 0.49, 0.49, 9.0])
-    assert variances[10:] == [0.0] * 12
+    assert variances[10:13] == pytest.approx([(math.radians(2.5) * 0.012) ** 2] * 3)
+    assert variances[13:16] == pytest.approx([(0.2 * 0.5 * 0.012) ** 2] * 3)
+    assert variances[16:] == [0.0] * 6
 
 
 def test_vehicle_that_floats_starts_level() -> None:
