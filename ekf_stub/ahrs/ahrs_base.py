@@ -62,6 +62,11 @@ class AhrsBase:
         self.primary = self.yaw_reset_ms = 0
         self.ext_nav_counts: Counter[tuple[str, str]] = Counter()
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know of where the estimates come from, a line each."""
+        return ()
+
     def _now_ms(self) -> int:
         # Without the wrap of the firmware's clock, see ekf_stub.core.aiding.
         return self._clock.micros64() // 1000

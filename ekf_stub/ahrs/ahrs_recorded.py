@@ -61,10 +61,17 @@ class RecordedAhrs(AhrsBase):
         sources: EkfSources,
         log: ExtNavLog,
         states: RecordedStates,
+        note: str = "",
     ) -> None:
         super().__init__(clock, sources, log, start_us=states.start_us)
+        self._note = note
         self._states = states
         self._rpy_rad = np.unwrap(np.radians(states.att_rpy_deg), axis=0)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Where attitude and position come from, as given."""
+        return (self._note,) if self._note else ()
 
     def _at_now(self, time_us: Array, values: Array) -> list[float]:
         now_us = float(self._clock.micros64())

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 # How many messages each capture holds, and how many records the firmware made of them.
 CAPTURES = {
+    "4.6/fl_gps_t265": (2310, 4582),
     "4.6/fl_yawdrift": (1814, 3600),
     "4.6/mocap": (797, 796),
     "4.6/odo_wild": (1044, 1720),

@@ -31,6 +31,7 @@ from viso.firmware.releases import Firmware
 from viso.geometry.frame_change import PRESETS as AXES
 from viso.logs.files import single_log
 from viso.logs.recorded import read_columns
+from viso.replay.ahrs import ahrs_maker
 from viso.replay.feed import ReplayedMessage
 from viso.replay.figures import Judge, Row, timed_places
 from viso.replay.observability import doubts
@@ -47,7 +48,6 @@ from viso.terminal.ahrs import (
     ImuErrorOption,
     ImuOption,
     ImuSeedOption,
-    ahrs_maker,
     of_stream,
 )
 from viso.terminal.console import err, out, progress, verdict_rows, verdict_table

@@ -22,6 +22,7 @@ from viso.firmware.releases import PROFILES, Firmware
 from viso.logs.files import LogStore
 from viso.parameters.releases import MAX_LINKS
 from viso.parameters.store import ParamStore
+from viso.replay.ahrs import ahrs_maker
 from viso.running.power import Port, PoweredVehicle
 from viso.running.real_time import Pacer
 from viso.terminal.ahrs import (
@@ -31,7 +32,6 @@ from viso.terminal.ahrs import (
     ImuErrorOption,
     ImuOption,
     ImuSeedOption,
-    ahrs_maker,
 )
 from viso.terminal.console import err, out, verdict_rows
 from viso.terminal.filter_report import filter_rows, tables_of
@@ -247,6 +247,8 @@ def serve(
         stack.callback(powered.close)
         stop = stack.enter_context(stop_on_signal())
         console.print(f"{title}; {_profile_text(profile)}; logs in {log_dir}; Ctrl-C ends")
+        for note in powered.vehicle.ahrs.notes:
+            console.print(f"note: {note}")
         for link in filter(is_open_to_network, links):
             console.print(f"{link.name} is open to the network; whoever reaches it can command the vehicle")
         for graph in graphs:

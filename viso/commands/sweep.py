@@ -84,7 +84,9 @@ def sweep(
     imu_error: ImuErrorOption = None,
     ahrs: Annotated[
         str | None,
-        typer.Option(help="Take attitude and position from this log; there is no filter then.", metavar="LOG"),
+        typer.Option(
+            help="Follow this log: the filter over its replay records, else its attitude and position.", metavar="LOG"
+        ),
     ] = None,
     reference: Annotated[
         str | None,

@@ -20,9 +20,10 @@ from viso.files.float_bits import float_of
 from viso.files.text_files import read_lines
 from viso.firmware.releases import Firmware
 from viso.logs.logger import LogSink
+from viso.replay.ahrs import ahrs_maker
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.stream_kinds import read_capture
-from viso.terminal.ahrs import AhrsChoice, ahrs_maker
+from viso.terminal.ahrs import AhrsChoice
 
 _STRUCTURES: Final = {structure.name: structure for structure in LOG_STRUCTURE_FROM_VISUALODOM}
 _MAV_BACKEND: Final = 1
@@ -49,11 +50,12 @@ class Capture:
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """The outputs of the vehicle: lines with ``verdict``; severities and texts; commands and results."""
+    """The outputs of the vehicle: lines with ``verdict``; severities and texts; commands and results; notes."""
 
     lines: Sequence[Line]
     texts: Sequence[tuple[int, str]]
     acks: Sequence[tuple[int, int]]
+    notes: Sequence[str] = ()
 
 
 def read_recorded(path: Path) -> Capture:
@@ -126,7 +128,7 @@ def play(
     be used.
     """
     stream = read_capture(path)
-    make_ahrs = ahrs_maker(AhrsChoice(log_beside(path)))
+    make_ahrs = ahrs_maker(AhrsChoice(log_beside(path)), log_firmware=firmware)
     lines: list[Line] = []
     sent = Codec(0, 0)
     outcome = run_replay(
@@ -138,7 +140,8 @@ def play(
         on_progress=lambda done: on_progress(done, len(stream.messages)),
         on_sent=sent.feed,
     )
-    return Played(lines, [(severity, text) for _, severity, text in outcome.texts], list(_acks(sent)))
+    texts = [(severity, text) for _, severity, text in outcome.texts]
+    return Played(lines, texts, list(_acks(sent)), outcome.notes)
 
 
 def _acks(sent: Codec) -> Iterator[tuple[int, int]]:
@@ -231,5 +234,5 @@ def compare_capture(path: Path, firmware: Firmware, on_progress: Callable[[int, 
         len(records),
         sum(len(record) - 1 for record in records) + texts_and_acks,
         tuple(all_differences(capture, played)),
-        tuple(notes),
+        (*notes, *played.notes),
     )

@@ -19,7 +19,6 @@ from viso.recording.scenario import Scenario
 from viso.running.playing import LONGEST_WAIT_S
 from viso.running.power import Port, PoweredVehicle
 from viso.running.virtual_time import Scheduler
-from viso.terminal.ahrs import AhrsChoice, ahrs_maker
 from viso.terminal.options import firmware_of
 from viso.vehicle.vehicle import LOOP_PERIOD_US, VehicleConfig
 
@@ -89,7 +88,7 @@ class RealDriver:
 def record_viso(recorder: Recorder, firmware: Firmware, stop: Callable[[], int] = lambda: 0) -> None:
     """Drive a fresh recorder with a vehicle of viso in virtual time: it stands level, heading north."""
     with tempfile.TemporaryDirectory(prefix="viso-record-") as folder:
-        config = VehicleConfig(ahrs_maker(AhrsChoice()), log_store=LogStore(Path(folder)), firmware=firmware)
+        config = VehicleConfig(log_store=LogStore(Path(folder)), firmware=firmware)
         with closing(PoweredVehicle(config, [Port("viso", SIMULATOR_BAUD)])) as powered:
             _run_virtual(recorder, powered, stop)
 

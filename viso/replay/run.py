@@ -61,7 +61,7 @@ class ReplayOutcome:
         aiding: the filter's aiding over time; None without a filter.
         messages: the outcome of each, if they are kept.
         flow: what the flow sensor of OPTICAL_FLOW measured, if messages are kept.
-        notes: parts of the stream that were not run, a line each.
+        notes: where the estimates of a log come from, and parts of the stream that were not run, a line each.
     """
 
     verdicts: VerdictCounts
@@ -139,6 +139,6 @@ def run_replay(
         None if watch is None else watch.innovations,
         None if watch is None else tuple(watch.aiding()),
         tuple(kept),
-        replay.notes(),
+        (*vehicle.ahrs.notes, *replay.notes()),
         tuple(flow),
     )

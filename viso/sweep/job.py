@@ -20,6 +20,7 @@ from viso.faults import Timeline, TimelineError, inject, parse_timeline
 from viso.firmware.releases import PROFILES
 from viso.geometry.trajectory import Trajectory
 from viso.logs.recorded import read_recorded_states
+from viso.replay.ahrs import ahrs_maker
 from viso.replay.figures import Judge, Row
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.readers import Source
@@ -37,7 +38,7 @@ from viso.streams.stream_kinds import (
 from viso.streams.trajectory import load
 from viso.sweep.dimensions import fault_field
 from viso.sweep.plan import Faults, InputFile, Point, Recorded, SweepPlan, input_file
-from viso.terminal.ahrs import AhrsChoice, ahrs_maker, imu_options
+from viso.terminal.ahrs import AhrsChoice, imu_options
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.sensors.inertial_sources import read_source
 from viso.vehicle.vehicle import Vehicle

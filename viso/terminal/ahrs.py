@@ -3,27 +3,22 @@
 """Where the vehicle's attitude and position come from: the filter on sensors of some kind, or a recorded log."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ekf_stub.ahrs.ahrs_base import AhrsBase
-from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
 from viso.errors import InputError
-from viso.logs.recorded import read_recorded_states
-from viso.vehicle.config import by_ekf3
 from viso.vehicle.sensors.errors import ERROR_NAMES, parse_errors
-from viso.vehicle.sensors.inertial_sources import FLOWN, IMU_HELP, read_source
+from viso.vehicle.sensors.inertial_sources import FLOWN, IMU_HELP
 from viso.vehicle.sensors.source import ImuOptions
-from viso.vehicle.vehicle import Vehicle
 
 AhrsOption = Annotated[
     Path | None,
     typer.Option(
-        help="Take attitude and position from this log (.BIN, .BIN.xz); there is no filter then.", metavar="LOG"
+        help="Follow this log (.BIN, .BIN.xz): the filter over its replay records, else its attitude and position.",
+        metavar="LOG",
     ),
 ]
 ImuOption = Annotated[str | None, typer.Option(help=f"The filter's sensors: {IMU_HELP}.", metavar="SOURCE")]
@@ -71,18 +66,3 @@ def imu_options(choice: AhrsChoice) -> ImuOptions:
     """Return the options of inertial data that were chosen. Raises InputError if one cannot be used."""
     heading_rad = heading_in_rad(choice.heading_deg)
     return ImuOptions(heading_rad=heading_rad, errors=parse_errors(choice.imu_errors or []), seed=choice.imu_seed)
-
-
-def ahrs_maker(choice: AhrsChoice, default_imu: str = "bench") -> Callable[[Vehicle], AhrsBase]:
-    """Return the maker of the AHRS that was chosen; files are read now.
-
-    Raises InputError if a file cannot be read or lacks something, an option cannot be used, or two exclude each other.
-    """
-    options = imu_options(choice)
-    if choice.log is None:
-        return by_ekf3(read_source(choice.imu or default_imu), options)
-    for name, value in (("--imu", choice.imu), ("--imu-error", choice.imu_errors)):
-        if value:
-            raise InputError(f"--ahrs and {name}: a vehicle that follows a log has no sensors")
-    states = read_recorded_states(choice.log)
-    return lambda vehicle: RecordedAhrs(vehicle.clock, vehicle.sources, vehicle.replay_log, states)

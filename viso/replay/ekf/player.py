@@ -42,8 +42,14 @@ from ekf_stub.reports import CoreReport, Three, cores_of_mask, words_of
 from viso.logs.recorded import RecordError, finite, numbers, text, whole
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
 from viso.replay.ekf.earth_field import EarthField
-from viso.replay.ekf.frames import Frames
+from viso.replay.ekf.frames import AFTER_THE_FILTER, Frames
 from viso.replay.ekf.inputs import CoreInputs, ReplayInputs, flow_of
+
+PLAYED: Final = (
+    *("PARM", "RFRN", "RISH", "RBRH", "RBRI", "RMGH", "RMGI", "RVOH", "RRNH", "RRNI", "RGPH", "RGPI", "RGPJ"),
+    *AFTER_THE_FILTER,
+)
+"""The types of records that ``EkfPlayer.take`` takes; RFRH, RISI and RFRF, which each frame has, are in ``Frames``."""
 
 _RENAMED: Final = {FLOW_LIMIT_LATER: FLOW_LIMIT, FLOW_LIMIT: FLOW_LIMIT_LATER}
 _SOURCE_SETS: Final = range(SOURCE_SET_1, SOURCE_SET_1 + 3)

@@ -26,11 +26,11 @@ from viso.logs.event_names import ERR_EKF_PRIMARY, EV_SOURCE_SET_1, EV_YAW_RESET
 from viso.logs.recorded import RecordError, finite, places_of, read_columns, records_in, text, whole
 from viso.logs.vehicle_log import ORGN_EKF
 from viso.parameters.left_out import left_out
-from viso.replay.ekf.earth_field import earth_field
-from viso.replay.ekf.frames import AFTER_THE_FILTER, Frames
+from viso.replay.ekf.earth_field import EarthField, earth_field
+from viso.replay.ekf.frames import Frames
 from viso.replay.ekf.inputs import origin_of
 from viso.replay.ekf.output import EkfOutput
-from viso.replay.ekf.player import EkfPlayer
+from viso.replay.ekf.player import PLAYED, EkfPlayer
 
 LABELS: Final = (
     *("Roll", "Pitch", "Yaw", "VN", "VE", "VD", "PN", "PE", "PD"),
@@ -52,12 +52,8 @@ Texts = list[tuple[float, str]]
 LANE_TEXTS: Final = ("EKF3 lane switch", "EKF primary changed")
 _NO_REPLAY: Final = "no replay records; LOG_REPLAY was off, or the EKF was"
 _COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
-_READ: Final = (
-    *("PARM", "MSG", "RFRN", "RISH", "RBRH", "RBRI", "RMGH", "RMGI", "RVOH", "RRNH", "RRNI", "RGPH", "RGPI", "RGPJ"),
-    *AFTER_THE_FILTER,
-    *("XKF1", "XKF3"),
-)
-"""The types that are read record by record; RFRH, RISI and RFRF, which each frame has, are read by columns."""
+_READ: Final = (*PLAYED, "MSG", "XKF1", "XKF3")
+"""The types that are read record by record."""
 
 _PROGRESS_FRAMES: Final = 1000
 
@@ -200,10 +196,7 @@ class EkfRun:
         self._has_estimates = bool(log.counts.get("XKF4"))
         self.judged_by = recorded_firmware(log, self._given)
         player.release = self.judged_by.firmware.ekf
-        origin = origin_of(records_in(log, ["ORGN"]))
-        is_of_earth = all(_OWN_VEHICLE not in text(record, "Message") for record in records_in(log, ["MSG"]))
-        if origin is not None and is_of_earth:
-            player.place_field = earth_field(1e-7 * origin.lat, 1e-7 * origin.lng)
+        player.place_field = place_field_of(log)
         shown = 0
         problem = frames.problem()
         places = places_of(log, _READ)
@@ -349,6 +342,13 @@ class EkfRun:
 
 _OWN_VEHICLE: Final = b"viso".hex()
 """In the text with a vehicle's id, of viso's own vehicles: their field has no declination, wherever they are."""
+
+
+def place_field_of(log: LogColumns) -> EarthField | None:
+    """Return the magnetic field at the origin of a log; None if that is unknown, or of a vehicle of viso."""
+    origin = origin_of(records_in(log, ["ORGN"]))
+    is_of_earth = all(_OWN_VEHICLE not in text(record, "Message") for record in records_in(log, ["MSG"]))
+    return earth_field(1e-7 * origin.lat, 1e-7 * origin.lng) if origin is not None and is_of_earth else None
 
 
 def recorded_firmware(log: LogColumns, given: Firmware | None = None) -> JudgedBy:

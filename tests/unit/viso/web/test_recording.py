@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from tests.places import ROOT
+from viso.replay.ahrs import ahrs_maker
 from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.capture import read_capture
-from viso.terminal.ahrs import AhrsChoice, ahrs_maker
+from viso.terminal.ahrs import AhrsChoice
 from viso.web.recording import MOST_POINTS, ReplayRecorder, recording
 from viso.web.server import RecordingBroadcaster, encode
 

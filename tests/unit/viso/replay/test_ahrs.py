@@ -1,10 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where attitude and position come from, as the command line says."""
+"""Where attitude and position come from: the filter on sensors, or over a log, or the records of a log."""
 
+import lzma
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +15,9 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs
 from tests.places import RECORDED
 from viso.errors import InputError
-from viso.terminal.ahrs import AhrsChoice, ahrs_maker
+from viso.logs.recorded import read_columns
+from viso.replay.ahrs import ReplayedAhrs, ahrs_maker
+from viso.terminal.ahrs import AhrsChoice
 from viso.vehicle.sensors.flown.source import RecordedSource
 from viso.vehicle.sensors.hil import HilSource
 from viso.vehicle.sensors.script.script import ScriptSource
@@ -72,9 +76,70 @@ def test_seed_of_the_noise_counts() -> None:
     assert gyros(noisy) == gyros(noisy) != gyros(replace(noisy, imu_seed=1))
 
 
-def test_log_takes_the_place_of_the_filter() -> None:
-    vehicle = Vehicle(VehicleConfig(ahrs_maker(replace(NOTHING, log=LOG))))
-    assert type(vehicle.ahrs) is RecordedAhrs
+FIRST_SECONDS = 900_000  # bytes of the log
+A_TIME_US = 6_000_000
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the first 8 s of a log with replay records; the filter navigates from 5.1 s on."""
+    path = tmp_path_factory.mktemp("begun") / "begun.BIN"
+    path.write_bytes(lzma.decompress(LOG.read_bytes())[:FIRST_SECONDS])
+    return path
+
+
+def changed(begun: Path, folder: Path, old: bytes, new: bytes) -> Path:
+    """Return the log with some bytes exchanged."""
+    path, data = folder / "changed.BIN", begun.read_bytes()
+    assert old in data
+    path.write_bytes(data.replace(old, new))
+    return path
+
+
+def following(log: Path) -> Vehicle:
+    return Vehicle(VehicleConfig(ahrs_maker(replace(NOTHING, log=log))))
+
+
+def test_filter_is_run_over_replay_records(begun: Path) -> None:
+    vehicle = following(begun)
+    assert type(vehicle.ahrs) is ReplayedAhrs
+    assert vehicle.ahrs.notes == ("attitude and position: the filter, run over the replay records of begun.BIN",)
+    rows = read_columns(begun).columns("XKF1", ["TimeUS", "C", "Yaw", "PN", "PE", "PD"])
+    times = [row for row in zip(*(rows[label].tolist() for label in rows), strict=True) if row[1] == 0]
+    aided = [row for row in times if row[0] > A_TIME_US]
+    assert len(aided) > 10
+    for time_us, _, yaw_deg, *position in aided:
+        vehicle.clock.set_us(time_us)
+        assert math.degrees(vehicle.ahrs.get_yaw_rad()) % 360 == pytest.approx(yaw_deg, abs=0.011)
+        found = vehicle.ahrs.get_relative_position_NED_origin_float()
+        assert found is not None
+        assert found.to_tuple() == pytest.approx(position, abs=1e-5)
+
+
+def test_attitude_is_that_of_the_log_until_the_filter_runs(begun: Path) -> None:
+    vehicle = following(begun)
+    attitude = read_columns(begun).columns("ATT", ["TimeUS", "Yaw"])
+    time_us, yaw_deg = attitude["TimeUS"][0].item(), attitude["Yaw"][0].item()
+    vehicle.clock.set_us(time_us)
+    assert math.degrees(vehicle.ahrs.get_yaw_rad()) % 360 == pytest.approx(yaw_deg, abs=1e-4)
+    assert vehicle.ahrs.get_relative_position_NED_origin_float() is None
+
+
+def test_log_without_replay_records_has_its_own_estimates(begun: Path, tmp_path: Path) -> None:
+    ahrs = following(changed(begun, tmp_path, b"RFRH", b"ZZZZ")).ahrs
+    assert type(ahrs) is RecordedAhrs
+    note = "attitude and position: the ATT and XKF1 records of changed.BIN, which has no replay records"
+    assert ahrs.notes == (note,)
+
+
+def test_log_that_the_filter_cannot_be_run_over_has_its_own_estimates(begun: Path, tmp_path: Path) -> None:
+    vehicle = following(changed(begun, tmp_path, b"EK3_IMU_MASK", b"EK3_IMU_MOSK"))
+    vehicle.clock.set_us(A_TIME_US)
+    attitude = read_columns(begun).columns("ATT", ["TimeUS", "Yaw"])
+    log_yaw = np.interp(A_TIME_US, attitude["TimeUS"], attitude["Yaw"])
+    assert math.degrees(vehicle.ahrs.get_yaw_rad()) % 360 == pytest.approx(log_yaw, abs=1e-4)
+    (note,) = vehicle.ahrs.notes
+    assert note.endswith("s on those of its ATT and XKF1 records: no PARM record of EK3_IMU_MASK")
 
 
 @pytest.mark.parametrize(("choice", "line"), [
