@@ -144,16 +144,7 @@ class TlogReader(Iterator[TlogEntry]):
         return int.from_bytes(self._data[at : at + STAMP_BYTES], "big")
 
     def _size_at(self, at: int) -> int:
-        """Return the size of the entry at an offset, from its first bytes, or 0 if there is none."""
-        if at + HEAD_BYTES > len(self._data):
-            return 0
-        stx, length, incompat_flags = self._data[at + STAMP_BYTES : at + HEAD_BYTES]
-        if stx == STX_V1:
-            return STAMP_BYTES + length + V1_OVERHEAD_BYTES
-        if stx == STX_V2:
-            signature = SIGNATURE_BYTES if incompat_flags & IFLAG_SIGNED else 0
-            return STAMP_BYTES + length + V2_OVERHEAD_BYTES + signature
-        return 0
+        return _size_of(self._data, at)
 
 
 class TlogWriter:
@@ -200,6 +191,27 @@ class TlogWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def begins_with_entry(data: bytes) -> bool:
+    """Return whether bytes begin with an entry of a tlog, as far as it and the entry behind it are there."""
+    if len(data) < HEAD_BYTES or int.from_bytes(data[:STAMP_BYTES], "big") >= YEAR_2100_US:
+        return False
+    size = _size_of(data, 0)
+    return size > 0 and (len(data) < size + HEAD_BYTES or _size_of(data, size) > 0)
+
+
+def _size_of(data: bytes | bytearray, at: int) -> int:
+    """Return the size of the entry at an offset, from its first bytes, or 0 if there is none."""
+    if at + HEAD_BYTES > len(data):
+        return 0
+    stx, length, incompat_flags = data[at + STAMP_BYTES : at + HEAD_BYTES]
+    if stx == STX_V1:
+        return STAMP_BYTES + length + V1_OVERHEAD_BYTES
+    if stx == STX_V2:
+        signature = SIGNATURE_BYTES if incompat_flags & IFLAG_SIGNED else 0
+        return STAMP_BYTES + length + V2_OVERHEAD_BYTES + signature
+    return 0
 
 
 def read_tlog(path: str | Path) -> TlogReader:

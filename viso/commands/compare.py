@@ -32,7 +32,7 @@ def compare(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Captures, conversations and vectors (.jsonl, .jsonl.gz), logs with replay records (.BIN, .BIN.xz), "
+            help="Captures, conversations and vectors (.jsonl), logs with replay records (.BIN, packed or not), "
             "or folders of them; with --master the scenarios to record, as of viso record.",
             metavar="RECORDING...",
         ),

@@ -44,8 +44,8 @@ def doctor(
     source: Annotated[
         str,
         typer.Argument(
-            help="A telemetry log (.tlog), a DataFlash log (.BIN, .BIN.xz), a capture (.jsonl), a trajectory (TUM, "
-            "EuRoC, KITTI and others, bags of ROS 1 and 2, MCAP), or what to listen to: a link, such as "
+            help="A telemetry log (.tlog), a DataFlash log (.BIN), a capture (.jsonl), packed or not, a trajectory "
+            "(TUM, EuRoC, KITTI and others, bags of ROS 1 and 2, MCAP), or what to listen to: a link, such as "
             "udpin:0.0.0.0:14550, or a topic of ROS 2, such as ros2:/odom.",
             metavar="FILE_OR_LINK",
         ),
@@ -68,7 +68,8 @@ def doctor(
     strict: Annotated[bool, typer.Option("--strict", help=STRICT_HELP)] = False,
     firmware: RecordedFirmwareOption = None,
     attitude: Annotated[
-        Path | None, typer.Option(help="Take the vehicle's own attitude from this log (.BIN, .BIN.xz).", metavar="LOG")
+        Path | None,
+        typer.Option(help="Take the vehicle's own attitude from this log (.BIN, packed or not).", metavar="LOG"),
     ] = None,
     baud: Annotated[
         int | None,

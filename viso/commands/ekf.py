@@ -24,7 +24,7 @@ _FINDINGS = 1
 
 
 def ekf(
-    log: Annotated[Path, typer.Argument(help="A log with replay records (.BIN, .BIN.xz).", metavar="LOG.BIN")],
+    log: Annotated[Path, typer.Argument(help="A log with replay records (.BIN, packed or not).", metavar="LOG.BIN")],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Write the filter's log here.", metavar="OUT.BIN"),

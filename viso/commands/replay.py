@@ -76,8 +76,8 @@ def replay(
     stream_file: Annotated[
         Path,
         typer.Argument(
-            help="A capture (.jsonl), a telemetry log (.tlog), a DataFlash log (.BIN, .BIN.xz), or a trajectory (TUM, "
-            "EuRoC, KITTI and others, bags of ROS 1 and 2, MCAP).",
+            help="A capture (.jsonl), a telemetry log (.tlog), a DataFlash log (.BIN), packed or not, or a "
+            "trajectory (TUM, EuRoC, KITTI and others, bags of ROS 1 and 2, MCAP).",
             metavar="STREAM",
         ),
     ],

@@ -26,7 +26,7 @@ _PAGES: Final = (".html", ".htm", _PDF)
 
 
 def report(
-    log: Annotated[Path, typer.Argument(help="A DataFlash log (.BIN, .BIN.xz).", metavar="LOG")],
+    log: Annotated[Path, typer.Argument(help="A DataFlash log (.BIN, packed or not).", metavar="LOG")],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="The page, if it ends in .html or .pdf; else the folder that it goes to."),

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
+from mav_handlers.links.packed import name_unpacked
 from viso.compare.captures import compare_capture, log_beside
 from viso.compare.comparison import Comparison
 from viso.compare.conversations import compare_conversation, read_conversation, specified_in
@@ -16,6 +17,7 @@ from viso.compare.tolerances import CAPTURE, CONVERSATION, LOG, VECTORS
 from viso.compare.vectors import compare_vectors
 from viso.documents import parsed_json
 from viso.errors import InputError
+from viso.files.first_bytes import Content, content_of
 from viso.files.text_files import read_lines
 from viso.firmware.flown import JudgedBy, profile_for, version_in
 from viso.firmware.releases import DEFAULT, JULY_2025, PROFILES, Firmware
@@ -31,7 +33,7 @@ class RecordingKind(NamedTuple):
 
     Attributes:
         content: description of its content.
-        endings: the endings of file names, in small letters.
+        endings: the endings of file names, in small letters, without those of packed files.
         is_begun_by: returns whether the first line of a JSON file is of this kind; None for kinds with their own
             endings.
         judged_by: returns the release that a recording names, or None.
@@ -45,7 +47,7 @@ class RecordingKind(NamedTuple):
     compare: Callable[[Path, Firmware, Progress], Comparison]
 
 
-_LINES: Final = (".jsonl", ".jsonl.gz")
+_LINES: Final = (".jsonl",)
 
 
 def _first_line(path: Path) -> Any:
@@ -108,7 +110,7 @@ RECORDING_KINDS: Final[Mapping[str, RecordingKind]] = MappingProxyType(
         ),
         LOG: RecordingKind(
             "a log with replay records (LOG_REPLAY), with what the filter made of them",
-            (".bin", ".bin.xz"),
+            (".bin",),
             None,
             _of_log,
             compare_log,
@@ -118,11 +120,14 @@ RECORDING_KINDS: Final[Mapping[str, RecordingKind]] = MappingProxyType(
 
 
 def kind_of(path: Path) -> RecordingKind:
-    """Return the kind of a recording, by its ending and first line.
+    """Return the kind of a recording, by its first bytes, or else its ending and first line.
 
     Raises NothingToCompare if it is of no such kind, InputError if it cannot be read.
     """
-    fitting = [kind for kind in RECORDING_KINDS.values() if path.name.lower().endswith(kind.endings)]
+    name = name_unpacked(path).lower()
+    fitting = [kind for kind in RECORDING_KINDS.values() if name.endswith(kind.endings)]
+    if content_of(path) is Content.DATAFLASH_LOG:
+        fitting = [RECORDING_KINDS[LOG]]
     if not fitting:
         endings = ", ".join(dict.fromkeys(ending for kind in RECORDING_KINDS.values() for ending in kind.endings))
         raise NothingToCompare(f"{path}: by its ending no recording that can be compared; there are {endings}")
@@ -142,7 +147,9 @@ def recordings_in(paths: Iterable[Path]) -> Iterator[tuple[Path, bool]]:
         if not path.is_dir():
             yield path, False
             continue
-        found = sorted(file for file in path.rglob("*") if file.name.lower().endswith(endings) and file.is_file())
+        found = sorted(
+            file for file in path.rglob("*") if name_unpacked(file).lower().endswith(endings) and file.is_file()
+        )
         if not found:
             raise InputError(f"{path}: a folder without recordings ({', '.join(dict.fromkeys(endings))})")
         yield from ((recording, True) for recording in found)

@@ -34,10 +34,10 @@ def read_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file. Raises InputError if the file cannot be read or is not text."""
+    """Return the text of a file, packed or not. Raises InputError if the file cannot be read or is not text."""
     try:
-        with file_errors(path):
-            return path.read_text(encoding="utf-8-sig")
+        with file_errors(path), open_packed(path) as file:
+            return file.read().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text") from error
 

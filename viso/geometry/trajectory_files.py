@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from mav_handlers.links.packed import open_packed
 from viso.geometry.pose import sound_covariance
 from viso.geometry.rotation import Array, quat_wxyz_from_rotation
 from viso.geometry.trajectory import TIME_END_NS, Trajectory
@@ -182,9 +183,10 @@ OKVIS: Final = Layout((7, 4, 5, 6), velocity=8, nanoseconds=True)
 
 
 def read_text(path: Path) -> str:
-    """Return the content of a text file. Raises TrajectoryError if it cannot be read or is not text."""
+    """Return the content of a text file, packed or not. Raises TrajectoryError if it cannot be read or is no text."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        with open_packed(path) as file:
+            return file.read().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: byte {error.start}: neither text nor a bag") from error
     except (OSError, ValueError) as error:

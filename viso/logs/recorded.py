@@ -15,17 +15,17 @@ import numpy.typing as npt
 
 from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
-from ap_core.log_structure import FMT, HEAD_BYTE1, HEAD_BYTE2
+from ap_core.log_structure import FMT
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US
 from ekf_stub.ahrs.ahrs_recorded import RecordedStates
 from mav_handlers.links.packed import open_packed
 from viso.errors import InputError
+from viso.files.first_bytes import DATAFLASH_BYTES, content_of
 from viso.logs.filter_records import rows_of
 from viso.logs.vehicle_log import ORGN_EKF
 
 Array = npt.NDArray[np.float64]
 
-_FIRST_BYTES: Final = bytes((HEAD_BYTE1, HEAD_BYTE2, FMT.msg_type))
 _EKF3_INITIALISED: Final = re.compile(r"EKF3 IMU\d initialised")
 _START_UP_MS: Final = 2002  # from the start of the AHRS to that text
 _EKF3_USES: Final = "EKF3 IMU0 is using "
@@ -37,8 +37,10 @@ _VERTICAL_POSITION: Final = 1 << 5
 def _read_bytes(path: Path) -> bytes:
     with open_packed(path) as file:
         data = file.read()
-    if not data.startswith(_FIRST_BYTES):
-        raise InputError(f"{path}: not a DataFlash log")
+    if not data.startswith(DATAFLASH_BYTES):
+        found = content_of(path)
+        instead = f", but a {found.value}" if found else ""
+        raise InputError(f"{path}: not a DataFlash log{instead}")
     return data
 
 
@@ -55,7 +57,7 @@ def _as_input_errors(path: Path) -> Iterator[None]:
 
 
 def read_columns(path: Path) -> LogColumns:
-    """Return a log (.BIN or .BIN.xz) as columns. Raises InputError if it cannot be read."""
+    """Return a DataFlash log, packed or not, as columns. Raises InputError if it cannot be read."""
     with _as_input_errors(path):
         columns = LogColumns(_read_bytes(path))
     if problem := columns.ill_described.get(FMT.msg_type):

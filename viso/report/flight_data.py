@@ -128,7 +128,7 @@ class Material:
 
 
 def read_material(path: Path, on_progress: Callable[[float], None]) -> Material:
-    """Read a log (.BIN or .BIN.xz).
+    """Read a log (.BIN, packed or not).
 
     Args:
         path: the log.

@@ -60,7 +60,14 @@ POSE_TYPES: Final[Mapping[str, Callable[[Any], _Record]]] = MappingProxyType(
     }
 )
 
-
+_WITHOUT_STAMP: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "geometry_msgs/msg/Pose": "geometry_msgs/msg/PoseStamped",
+        "geometry_msgs/msg/Pose2D": "geometry_msgs/msg/PoseStamped",
+        "geometry_msgs/msg/PoseWithCovariance": "geometry_msgs/msg/PoseWithCovarianceStamped",
+        "geometry_msgs/msg/Transform": "geometry_msgs/msg/TransformStamped",
+    }
+)
 FRAME_TYPES: Final = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
 PoseMessage: TypeAlias = tuple[int, str, Any]
 """When it came in ns, its type, one of ``POSE_TYPES``, and its content."""
@@ -113,6 +120,14 @@ def _choose(path: Path, connections: list[Any], topic: str | None) -> list[Any]:
         return chosen
     types = {connection.topic: connection.msgtype for connection in fitting}
     listed = ", ".join(f"{name} ({types[name]})" for name in names) or f"none of {', '.join(POSE_TYPES)}"
+    unstamped = {one.topic: one.msgtype for one in connections if one.msgtype in _WITHOUT_STAMP}
+    if topic in unstamped or (unstamped and topic is None and not names):
+        name = topic if topic in unstamped else min(unstamped)
+        instead = _WITHOUT_STAMP[unstamped[name]]
+        raise TrajectoryError(
+            f"{path}: {name} is {unstamped[name]}, which has no time of its own: nothing tells when a pose was "
+            f"measured; publish and record {instead}"
+        )
     what = "which topic is not clear" if topic is None else f"no poses on the topic {topic}"
     raise TrajectoryError(f"{path}: {what}; there are: {listed}")
 

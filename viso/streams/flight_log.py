@@ -203,7 +203,7 @@ def _read(path: Path, *, may_be_empty: bool) -> _LogContent:
 
 
 def read_flight_log(path: Path, *, may_be_empty: bool = False) -> Stream:
-    """Read the external navigation of a DataFlash log (.BIN, .BIN.xz), and its parameters.
+    """Read the external navigation of a DataFlash log (.BIN, packed or not), and its parameters.
 
     VISP and VISV of one moment become an ODOMETRY, unless the log shows that they came apart; a VISP alone becomes a
     VISION_POSITION_ESTIMATE, a VISV alone a VISION_SPEED_ESTIMATE, a VISO a VISION_POSITION_DELTA. A parameter of VISO_

@@ -51,6 +51,18 @@ def is_autopilot(component_id: int, message: Message | None) -> bool:
     return is_beat and component_id == MAV_COMP_ID_AUTOPILOT1
 
 
+def what_lacks(stream: Stream) -> tuple[str, ...]:
+    """Return a note if a recording of a link holds no autopilot, or of one its heartbeats alone."""
+    system_id, what = None, "no autopilot is"
+    for _, (header, message) in received_in(stream):
+        if system_id is None and is_autopilot(header.component_id, message):
+            system_id, what = header.system_id, "of the autopilot only heartbeats are"
+        sender = header.system_id, header.component_id
+        if sender == (system_id, MAV_COMP_ID_AUTOPILOT1) and not isinstance(message, HEARTBEAT):
+            return ()
+    return (f"{stream.name}: {what} in this recording: what it answered, and what its filter did, is not known",)
+
+
 def version_heard(stream: Stream) -> FlownVersion | None:
     """Return the release of the autopilot that is heard first, by its own words, else by its number."""
     beat, texts, numbers = None, dict[int, FlownVersion](), dict[int, AUTOPILOT_VERSION]()

@@ -9,9 +9,12 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from ap_core.plugins import with_plugins
+from mav_handlers.links.packed import PACKED_ENDINGS, name_unpacked
 from viso.errors import InputError
+from viso.files.first_bytes import Content, content_of
 from viso.streams.capture import CAPTURE_BAUD, read_capture
 from viso.streams.flight_log import read_flight_log
+from viso.streams.link_bytes import read_link_bytes
 from viso.streams.recorded_poses import read_as_recorded
 from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
 from viso.streams.telemetry_log import read_telemetry_log
@@ -36,7 +39,7 @@ __all__ = [
 ]
 
 TRAJECTORY: Final = "trajectory"
-DATAFLASH_LOG: Final = "DataFlash log"
+DATAFLASH_LOG: Final = Content.DATAFLASH_LOG.value
 _AS_A_TRAJECTORY: Final = TrajectoryOptions()
 
 
@@ -44,37 +47,48 @@ class StreamKind(NamedTuple):
     """A kind of recorded streams.
 
     Attributes:
-        endings: of the names of its files, in small letters.
+        endings: of the names of its files, in small letters, without those of packed files.
         content: what it holds.
         params: where the parameters come from.
         read: reads a file, given the time in us from boot to the first message where the file has none since boot.
+        begins_as: what its files are by their first bytes, whatever their names; None if by the ending alone.
     """
 
     endings: tuple[str, ...]
     content: str
     params: str
     read: Callable[[Path, int, TrajectoryOptions], Stream]
+    begins_as: Content | None = None
 
 
 STREAM_KINDS: Final[Mapping[str, StreamKind]] = MappingProxyType(
     {
         "capture": StreamKind(
-            (".jsonl", ".jsonl.gz"),
+            (".jsonl",),
             "a conversation with the firmware: a line that describes it, a line a message",
             "its first line",
             lambda path, _lead_us, _options: read_capture(path),
         ),
         "telemetry log": StreamKind(
-            (".tlog", ".tlog.gz"),
+            (".tlog",),
             "frames with the time of day, from a ground station or `viso play`",
             "PARAM_VALUE, and `@PARAM/param.pck` by MAVLink FTP",
             lambda path, lead_us, _options: read_telemetry_log(path, lead_us),
+            Content.TELEMETRY_LOG,
+        ),
+        "bytes of a link": StreamKind(
+            (".tlog.raw", ".rlog"),
+            "frames without times, from MAVProxy or Mission Planner; times are those of the autopilot's messages",
+            "PARAM_VALUE, and `@PARAM/param.pck` by MAVLink FTP",
+            lambda path, _lead_us, _options: read_link_bytes(path),
+            Content.LINK_BYTES,
         ),
         DATAFLASH_LOG: StreamKind(
-            (".bin", ".bin.xz"),
+            (".bin", ".log"),
             "the autopilot's own log: messages are rebuilt from VISP, VISV and VISO",
             "PARM",
             lambda path, _lead_us, _options: read_flight_log(path),
+            Content.DATAFLASH_LOG,
         ),
         TRAJECTORY: StreamKind(
             (".tum", ".txt", ".csv", ".bag", ".mcap", ".db3"),
@@ -96,27 +110,33 @@ def _by_ending(name: str, kinds: Mapping[str, StreamKind]) -> str | None:
 
 
 def kind_of(path: Path, options: TrajectoryOptions = _AS_A_TRAJECTORY) -> str:
-    """Return the name of the kind of a file, by the ending of its name.
+    """Return the name of the kind of a file, packed or not, by its first bytes, or else by the ending of its name.
 
     A folder is a bag, and what has a format of trajectories given is a trajectory. Raises InputError if it is of no
     kind known, or options are given that it has no use for.
     """
-    name = path.name.lower()
-    found = _by_ending(name, STREAM_KINDS)
+    content, name = content_of(path), name_unpacked(path).lower()
+    found = next((kind for kind, row in STREAM_KINDS.items() if content and row.begins_as is content), None)
+    found = found or _by_ending(name, STREAM_KINDS)
     if found is None and (path.is_dir() or options.format_name is not None):
         found = TRAJECTORY
     if found is None:
         found = _by_ending(name, all_kinds())
     if found is None:
         known = ", ".join(f"{kind} ({', '.join(row.endings)})" for kind, row in all_kinds().items())
-        raise InputError(f"{path}: by its ending no recorded stream; there are: {known}")
+        packed = ", ".join(PACKED_ENDINGS)
+        is_there = path.exists()
+        what = (
+            "by its first bytes and its ending no recorded stream" if is_there else "by its ending no recorded stream"
+        )
+        raise InputError(f"{path}: {what}; there are: {known}; each also packed ({packed})")
     if found != TRAJECTORY and options != _AS_A_TRAJECTORY:
         raise InputError(f"{path}: --as, --format, --topic, --times, --axes and --rate are for trajectories")
     return found
 
 
 def read_stream(path: Path, lead_us: int, options: TrajectoryOptions = _AS_A_TRAJECTORY) -> Stream:
-    """Read a recorded stream of a known kind, by the ending of its name.
+    """Read a recorded stream; see ``kind_of`` for how its kind is found.
 
     Args:
         path: the file, or the folder of a bag.

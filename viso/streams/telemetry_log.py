@@ -7,12 +7,12 @@ from pathlib import Path
 
 from mav_handlers.links.tlog import TlogError, read_tlog
 from viso.errors import InputError, as_input_errors
-from viso.streams.heard import version_heard
+from viso.streams.heard import version_heard, what_lacks
 from viso.streams.stream import MAX_GAP_US, Stream, StreamMessage
 
 
 def read_telemetry_log(path: Path, lead_us: int) -> Stream:
-    """Read a .tlog; its first message comes ``lead_us`` after the vehicle's boot.
+    """Read a .tlog, packed or not; its first message comes ``lead_us`` after the vehicle's boot.
 
     Messages whose stamp runs backwards are handled at the time of their predecessor. Raises InputError if the file
     cannot be read as a .tlog, or a stamp is more than a day after its predecessor.
@@ -33,4 +33,4 @@ def read_telemetry_log(path: Path, lead_us: int) -> Stream:
     if reader.truncated:
         notes.append(f"{path}: the last entry is cut short")
     stream = Stream(path.stem, tuple(messages), notes=tuple(notes))
-    return replace(stream, flown=version_heard(stream))
+    return replace(stream, flown=version_heard(stream), notes=(*notes, *what_lacks(stream)))

@@ -17,6 +17,7 @@ from viso.documents import parsed_yaml
 from viso.errors import InputError, as_input_errors
 from viso.extras import installed_version
 from viso.faults import Timeline, TimelineError, inject, parse_timeline
+from viso.files.first_bytes import Content, content_of
 from viso.firmware.releases import PROFILES
 from viso.geometry.trajectory import Trajectory
 from viso.logs.recorded import read_recorded_states
@@ -26,8 +27,6 @@ from viso.replay.run import ReplaySetup, run_replay
 from viso.streams.readers import Source
 from viso.streams.stream import timed_frames
 from viso.streams.stream_kinds import (
-    DATAFLASH_LOG,
-    STREAM_KINDS,
     TRAJECTORY,
     Stream,
     StreamMessage,
@@ -126,7 +125,7 @@ def read_reference(path: Path, stream: Path, lead_us: int, options: TrajectoryOp
     since boot, or on the clock of the stream if that is a trajectory as well; ``lead_us`` is then from boot to its
     first message. Raises InputError if one cannot be read, or the reference has no positions.
     """
-    if path.name.lower().endswith(STREAM_KINDS[DATAFLASH_LOG].endings):
+    if content_of(path) is Content.DATAFLASH_LOG:
         states = read_recorded_states(path)
         times_ns = np.round(np.asarray(states.pos_time_us) * 1000).astype(np.int64)
         kept = np.diff(times_ns, prepend=-1) > 0

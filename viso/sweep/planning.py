@@ -10,6 +10,7 @@ from typing import Final
 
 import yaml
 
+from mav_handlers.links.packed import name_unpacked
 from viso.documents import parsed_yaml
 from viso.errors import InputError, as_input_errors
 from viso.extras import installed_version
@@ -135,8 +136,9 @@ def _absolute(path: str) -> str:
 
 def _name_of(path: Path) -> str:
     endings = sorted((ending for kind in STREAM_KINDS.values() for ending in kind.endings), key=len, reverse=True)
-    ending = next((ending for ending in endings if path.name.lower().endswith(ending)), "")
-    return path.name[: len(path.name) - len(ending)]
+    name = name_unpacked(path)
+    ending = next((ending for ending in endings if name.lower().endswith(ending)), "")
+    return name[: len(name) - len(ending)]
 
 
 def _faults(names: Sequence[str] | None, axes: Sequence[Axis]) -> tuple[Faults, ...]:

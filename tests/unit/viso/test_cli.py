@@ -290,8 +290,8 @@ def test_broken_line_of_a_capture_is_named(viso: Viso, capture: Path) -> None:
 
 def test_unknown_kind_of_stream_is_one_line(viso: Viso) -> None:
     kinds = (
-        "capture (.jsonl, .jsonl.gz), telemetry log (.tlog, .tlog.gz), DataFlash log (.bin, .bin.xz), "
-        "trajectory (.tum, .txt, .csv, .bag, .mcap, .db3)"
+        "capture (.jsonl), telemetry log (.tlog), bytes of a link (.tlog.raw, .rlog), DataFlash log (.bin, .log), "
+        "trajectory (.tum, .txt, .csv, .bag, .mcap, .db3); each also packed (.gz, .xz, .zst, .zip)"
     )
     line = f"flight.ulg: by its ending no recorded stream; there are: {kinds}"
     assert failed_with(viso("replay", "flight.ulg"), line)

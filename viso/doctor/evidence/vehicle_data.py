@@ -34,13 +34,12 @@ from viso.doctor.evidence.vehicle_position import (
     truth_in,
 )
 from viso.errors import InputError
+from viso.files.first_bytes import Content, content_of
 from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.recorded import read_columns, recorded_states
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, HeardParams, ParamListener, is_autopilot
 from viso.streams.stream import received_in
 from viso.streams.stream_kinds import Stream
-
-_LOG_ENDINGS: Final = (".bin", ".bin.xz")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -308,15 +307,11 @@ def listen(
     return replace(listener.vehicle({**stream.params, **given}, firmware), vision=frozenset(vision))
 
 
-def is_log(path: Path) -> bool:
-    """Return whether a file is a DataFlash log by its name."""
-    return path.name.lower().endswith(_LOG_ENDINGS)
-
-
 def vehicle_of_log(path: Path) -> VehicleData:
     """Return what a DataFlash log holds of the vehicle; nothing for another kind of file, or an unreadable one."""
     try:
-        return vehicle_in(path, read_columns(path)) if is_log(path) else VehicleData()
+        is_log = content_of(path) is Content.DATAFLASH_LOG
+        return vehicle_in(path, read_columns(path)) if is_log else VehicleData()
     except InputError:
         return VehicleData()
 

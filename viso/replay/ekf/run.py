@@ -104,7 +104,7 @@ class _Row(NamedTuple):
 
 
 class EkfRun:
-    """A run of the filter over a log (.BIN or .BIN.xz).
+    """A run of the filter over a log (.BIN, packed or not).
 
     Args:
         until_s: end time since boot.

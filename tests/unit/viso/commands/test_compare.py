@@ -298,7 +298,7 @@ def test_conversations_and_logs_agree_as_what_they_name(viso: Viso) -> None:
      "one.jsonl:1: a step without a list of consequences in 'out': ['status']"),
     ("one.BIN", [CALL], "one.BIN: not a DataFlash log"),
     ("one.txt", [CALL],
-     "one.txt: by its ending no recording that can be compared; there are .jsonl, .jsonl.gz, .bin, .bin.xz"),
+     "one.txt: by its ending no recording that can be compared; there are .jsonl, .bin"),
 ])  # fmt: skip
 def test_unusable_recording_is_one_line(viso: Viso, tmp_path: Path, name: str, lines: Lines, complaint: str) -> None:
     write(tmp_path / name, lines)

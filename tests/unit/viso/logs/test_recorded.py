@@ -156,10 +156,9 @@ def test_missing_packed_log_is_an_error(path: Path) -> None:
     assert error_of(packed) == f"{packed}: No such file or directory"
 
 
-@pytest.mark.parametrize("data", [b"not xz", lzma.compress(b"x" * 1000)[:-20]])
-def test_damaged_packed_log_is_an_error(path: Path, data: bytes) -> None:
+def test_damaged_packed_log_is_an_error(path: Path) -> None:
     packed = path.with_suffix(".xz")
-    packed.write_bytes(data)
+    packed.write_bytes(lzma.compress(b"x" * 1000)[:-20])
     assert error_of(packed).startswith(f"{packed}: damaged xz file: ")
 
 

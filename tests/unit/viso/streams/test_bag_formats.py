@@ -235,6 +235,15 @@ def test_bag_without_poses_says_what_would_fit(folder: Path) -> None:
     )
 
 
+def test_poses_without_a_stamp_are_named(folder: Path) -> None:
+    pose = message(2, "geometry_msgs/msg/PoseStamped", 1).pose
+    bag = write(folder, 2, [("/vicon", "geometry_msgs/msg/Pose", 1, pose)], StoragePlugin.MCAP)
+    told = "publish and record geometry_msgs/msg/PoseStamped"
+    assert complaint(bag).startswith(f"{bag}: /vicon is geometry_msgs/msg/Pose, which has no time of its own")
+    assert complaint(bag).endswith(told)
+    assert complaint(bag, "/vicon").endswith(told)
+
+
 def test_time_before_1970_names_the_message() -> None:
     messages = poses(2)
     messages[1][3].header.stamp.sec = -5

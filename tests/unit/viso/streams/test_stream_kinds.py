@@ -16,6 +16,7 @@ from viso.streams.heard import firmware_of_recording
 from viso.streams.stream_kinds import CAPTURE_BAUD, STREAM_KINDS, StreamMessage, TrajectoryOptions, kind_of, read_stream
 
 HEADER = {"name": "short", "params": {"VISO_TYPE": 1, "VISO_SCALE": 1.5}}
+NO_AUTOPILOT = "flight: no autopilot is in this recording: what it answered, and what its filter did, is not known"
 FRAME = Codec(1, 197).encode(HEARTBEAT(18, 8, 0, 0, 4, 3))
 
 
@@ -126,7 +127,7 @@ def test_telemetry_log_that_is_cut_short_is_noted(tmp_path: Path) -> None:
     path = tlog(tmp_path, 1_000_000, tail=struct.pack(">Q", 2_000_000) + FRAME[:5])
     stream = read_stream(path, 0)
     assert len(stream.messages) == 1
-    assert stream.notes == (f"{path}: the last entry is cut short",)
+    assert stream.notes == (f"{path}: the last entry is cut short", NO_AUTOPILOT)
 
 
 def test_damage_in_a_telemetry_log_is_noted(tmp_path: Path) -> None:
@@ -136,7 +137,7 @@ def test_damage_in_a_telemetry_log_is_noted(tmp_path: Path) -> None:
     path.write_bytes(data[:half] + b"\xff" * 7 + data[half:])
     stream = read_stream(path, 0)
     assert len(stream.messages) == 8
-    assert stream.notes == (f"{path}: 7 damaged bytes passed over",)
+    assert stream.notes == (f"{path}: 7 damaged bytes passed over", NO_AUTOPILOT)
 
 
 def test_missing_telemetry_log_is_an_error(tmp_path: Path) -> None:
