@@ -46,6 +46,7 @@ from viso.compare.tolerances import TEXT_EXCEPTIONS, TOLERANCES
 from viso.doctor.checks import CHECKS as DOCTOR_CHECKS
 from viso.doctor.checks import FAMILIES as DOCTOR_FAMILIES
 from viso.doctor.evidence.own_filter import Witness
+from viso.explain.texts import GROUPS
 from viso.faults.fault import parameters_of
 from viso.faults.kinds import FAULTS
 from viso.firmware.changes import DIFFERENCES
@@ -124,6 +125,12 @@ def _verdicts() -> Iterator[tuple[str, ...]]:
 def _filter_verdicts() -> Iterator[tuple[str, ...]]:
     for rule in filter(is_final, FILTER_RULES):
         yield f"`{rule.code}`", outcome_kind(rule).value, why(rule), basis(rule), rule.source
+
+
+def _texts(group: str) -> Iterator[tuple[str, ...]]:
+    for text in GROUPS[group]:
+        codes = ", ".join(f"[{code}](doctor-codes.md#{code.lower()})" for code in text.codes)
+        yield f"`{text.shown}`", text.cause, text.check, text.fix, codes
 
 
 def _backends() -> Iterator[tuple[str, ...]]:
@@ -487,6 +494,13 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "commands": (("command", "number", "what it does"), _commands),
     "verdicts": (("code", "outcome", "why", "where the firmware decides"), _verdicts),
     "filter_verdicts": (("code", "outcome", "why", "basis", "where the firmware decides"), _filter_verdicts),
+    **{
+        f"texts_{group.split()[-1]}": (
+            ("text", "what it means", "what to check", "what to do", "more"),
+            partial(_texts, group),
+        )
+        for group in GROUPS
+    },
     "backends": (("VISO_TYPE", "name", "class", "what it does"), _backends),
     "links": (("connection string", "what it is"), _links),
     "clients": (("client", "version", "what the tests do"), _clients),

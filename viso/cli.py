@@ -28,6 +28,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     ),
     "replay": "Feed a recorded stream to the autopilot at its arrival times, and report the outcome of each message.",
     "doctor": "Report what the autopilot would do with a stream of external navigation, and what to change.",
+    "explain": "Explain a text on the ground station, or a code of the doctor: cause, what to check, what to change.",
     "vio": (
         "Estimate a vehicle's position from pictures and inertial data, and send it to the autopilot if there is one."
     ),

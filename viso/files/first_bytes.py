@@ -18,8 +18,8 @@ _ENOUGH_BYTES: Final = 1024
 _NOT_READ: Final = (
     (b"ULog\x01\x12\x35", "a log of PX4 (ULog), which viso does not read: it knows ArduPilot's recordings"),
     (b"FMT, ", "a DataFlash log that was turned into text: give the .BIN that it was made of"),
-    (b"<!DOCTYPE html", "a page of the web, not the file that was meant: download that anew"),
-    (b"<html", "a page of the web, not the file that was meant: download that anew"),
+    (b"<!DOCTYPE html", "a page of the web, not the file that was meant: download it again"),
+    (b"<html", "a page of the web, not the file that was meant: download it again"),
 )
 
 
