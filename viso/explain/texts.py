@@ -232,6 +232,12 @@ IN_FLIGHT: Final = (
         ("XN8-07",),
     ),
     Text(
+        "RC7: VisOdomAlign HIGH",
+        "a switch of the radio was moved whose RCn_OPTION is 80: high aligns the camera, other positions do nothing",
+        "the text `VisOdom: yaw shifted` that follows with VISO_TYPE 2 or 3",
+        "nothing",
+    ),
+    Text(
         "VisOdom: yaw shifted 0 to 90 deg",
         "the camera's frame was turned to the vehicle's yaw (VISO_TYPE 2 or 3)",
         "that the vehicle's yaw was right at this moment",
