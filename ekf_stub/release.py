@@ -37,6 +37,8 @@ class FilterRelease:
             tryChangeCompass).
         lanes_are_automatic: EK3_OPTIONS has no bit to switch lanes by hand, and it is the core that was left that waits
             10 s until it may be taken again (NavEKF3::UpdateFilter).
+        checks_estimator_number: arming asks for an AHRS_EKF_TYPE that the vehicle takes as it is
+            (AP_AHRS::pre_arm_check).
         aligns_source_in_use: EK3_SRC_OPTIONS aligns external navigation to flow even if it is the source of position
             (align_inactive_sources).
     """
@@ -55,6 +57,7 @@ class FilterRelease:
     keeps_compass: bool = False
     lanes_are_automatic: bool = False
     aligns_source_in_use: bool = False
+    checks_estimator_number: bool = False
 
 
 STABLE_4_6: Final = FilterRelease(
@@ -66,7 +69,9 @@ STABLE_4_6: Final = FilterRelease(
     aligns_source_in_use=True,
 )
 JULY_2025: Final = FilterRelease()
-FEBRUARY_2026: Final = FilterRelease(gsf_asks_load=True, forgets_frozen=True, flow_limit="FLOW_MAX")
+FEBRUARY_2026: Final = FilterRelease(
+    gsf_asks_load=True, forgets_frozen=True, flow_limit="FLOW_MAX", checks_estimator_number=True
+)
 STABLE_4_7: Final = FilterRelease(
     gsf_asks_load=True,
     resets_height_by_its_source=True,
@@ -74,10 +79,11 @@ STABLE_4_7: Final = FilterRelease(
     relative_needs_no_yaw=True,
     forgets_frozen=True,
     flow_limit="FLOW_MAX",
+    checks_estimator_number=True,
 )
 """Copter 4.7.1: its branch left the master on 6 March 2026 and took origin and height resets over later.
 
 FIRMWARE PARITY: calcTiltErrorVariance and FuseDeclination sum up in another order since January 2026; it is their last
 digits that differ, so all releases share one form here.
 """
-APRIL_2026: Final = FilterRelease(True, True, True, True, True, True, True, "FLOW_MAX")
+APRIL_2026: Final = FilterRelease(True, True, True, True, True, True, True, "FLOW_MAX", checks_estimator_number=True)

@@ -188,6 +188,10 @@ class FilterStatus(NamedTuple):
     airspeed_variance: float = 0.0
 
 
+NO_ESTIMATOR: Final = FilterStatus(FilterFlag(0))
+"""Of an estimator that is chosen and does not run; no report is sent of it."""
+
+
 MAV_SEVERITY_CRITICAL: Final = 2
 MAV_SEVERITY_WARNING: Final = 4
 MAV_SEVERITY_INFO: Final = 6

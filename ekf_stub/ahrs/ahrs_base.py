@@ -103,6 +103,10 @@ class AhrsBase:
         """
         return self.estimator_started() and self._sources.yaw() == SourceYaw.EXTNAV
 
+    def uses_gps(self) -> bool:
+        """Return whether the estimator uses a GPS (AP_AHRS::using_gps)."""
+        return self._sources.uses_gps()
+
     def origin(self) -> Location | None:
         """Return the EKF origin, or None while unset."""
         return self._origin

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The AHRS of a vehicle that estimates its state by EKF3 (AP_AHRS/AP_AHRS.cpp).
 
-All answers are those of the primary core.
+All answers are those of the primary core, unless AHRS_EKF_TYPE chooses another estimator.
 
 FIRMWARE PARITY: before the filter runs, the attitude is level with the sensors' true heading, where the firmware has
-its simple estimate (DCM).
+its simple estimate (DCM). Later that is the filter's attitude with the true heading.
 """
 
 import math
@@ -25,6 +25,7 @@ from ap_core.sinks import RecordSink, TextSink
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.cores import Cores
+from ekf_stub.ahrs.estimator import SIM_STATUS, Estimator, assumed_at_boot, configured
 from ekf_stub.ahrs.sources import BARO, COMPASS, GPS, OPTICAL_FLOW, VISUAL_ODOM, SourceYaw, source_failure
 from ekf_stub.ahrs.sources import RANGEFINDER as RANGEFINDER_SENSOR
 from ekf_stub.ahrs.vehicle_state import compass_in_use, has_flow, imu_mask, imu_pos
@@ -34,7 +35,7 @@ from ekf_stub.core.core import Core
 from ekf_stub.core.events import YAW, Events
 from ekf_stub.core.ext_nav import ExtNav
 from ekf_stub.core.params import RANGEFINDER, EkfSources
-from ekf_stub.core.vectors import euler_of
+from ekf_stub.core.vectors import Quat, euler_of
 from ekf_stub.inputs.ingest_rules import KINDS, RULES, FilterOutcome
 from ekf_stub.inputs.measurements import (
     DOWNWARD,
@@ -62,6 +63,7 @@ from ekf_stub.log.replay_log import (
 from ekf_stub.release import STABLE_4_7, FilterRelease
 from ekf_stub.reports import (
     MAV_SEVERITY_INFO,
+    NO_ESTIMATOR,
     NUMBER_OF_IMUS,
     AidingMode,
     CoreReport,
@@ -154,6 +156,9 @@ class Ekf3Ahrs(AhrsBase):
         self._measured: list[float] = []  # by the first IMU, and further ones, in the last pass
         self._baro_zero_m = self._gps_lag_s = 0.0
         self._is_set_up = self._active = self._has_camera = self._is_stopped = False
+        self._configured = FromParams(params, lambda: configured(params.get_int("AHRS_EKF_TYPE")))
+        self._estimator = assumed_at_boot(params.get_int("AHRS_EKF_TYPE"))
+        self._truth: tuple[Three, Three, Quat] | None = None
         self._source_set = sources.active_set
         self._quat: Quaternion | None = None
         self._reset_ms = 0
@@ -174,7 +179,8 @@ class Ekf3Ahrs(AhrsBase):
     def runs_ahead(self) -> bool:
         """Whether several passes may be run at once: the filter runs and no frame is logged, or it was stopped."""
         is_logged = self._log.is_wanted or self._sources.active_set != self._source_set
-        return self._is_stopped or (self._active and not is_logged)
+        by_filter = self._active and self._configured() is Estimator.EKF3
+        return self._is_stopped or (by_filter and not is_logged)
 
     def update(self) -> None:
         """Run one frame of the estimator."""
@@ -218,12 +224,10 @@ class Ekf3Ahrs(AhrsBase):
         gps, ranges = self._gps(), self._range_finders()
         self._log_frame(sensors, gps, now_us)
         cores, core = self.cores, self.core
+        self._choose_estimator(now_us)
         if cores is None or core is None:
             return
         was_initialised = core.initialised
-        if was_initialised and not self._active:
-            self._active = True
-            self._texts.send_text(MAV_SEVERITY_INFO, "AHRS: EKF3 active")
         cores.set_sensors(self._with_zeroed_baro(sensors))
         self._set_inputs(cores, gps, ranges)
         row = [float(now_us), float(self._flying_ms(now_us)), 0.0]
@@ -232,6 +236,20 @@ class Ekf3Ahrs(AhrsBase):
         cores.lanes.advance(row, 0, 1)
         self._log.note_run(was_initialised=was_initialised)
         self._finish_run(cores, now_us)
+
+    def _choose_estimator(self, now_us: int) -> None:
+        """Choose the estimator of this pass; a change is announced."""
+        wanted, before = self._configured(), self._estimator
+        self._truth = self.source.truth(now_us) if wanted is Estimator.SIM else None
+        runs = {
+            Estimator.EKF3: self.core is not None and self.core.initialised,
+            Estimator.SIM: self._truth is not None,
+            Estimator.EXTERNAL: True,
+        }
+        self._estimator = wanted if runs.get(wanted, False) else Estimator.DCM
+        self._active = self._estimator is Estimator.EKF3
+        if self._estimator is not before:
+            self._texts.send_text(MAV_SEVERITY_INFO, f"AHRS: {self._estimator.title} active")
 
     def _flying_ms(self, now_us: int) -> int:
         since_us = self.state.flying_since_us
@@ -409,7 +427,12 @@ class Ekf3Ahrs(AhrsBase):
     def _attitude(self) -> Quaternion:
         if self._active and self.core is not None:
             return Quaternion(*self.core.output.now.quat)
-        return Quaternion.from_euler(f32(0), f32(0), f32(self.source.yaw_rad()))
+        if self._truth is not None:
+            return Quaternion(*self._truth[2])
+        roll = pitch = 0.0
+        if self.core is not None and self.core.initialised:
+            roll, pitch, _ = euler_of(self.core.output.now.quat)
+        return Quaternion.from_euler(f32(roll), f32(pitch), f32(self.source.yaw_rad()))
 
     def _flags(self) -> FilterFlag:
         if self.core is None or not self.core.initialised:
@@ -426,7 +449,19 @@ class Ekf3Ahrs(AhrsBase):
 
     def using_extnav_for_yaw(self) -> bool:
         """Return whether yaw comes from external navigation (NavEKF3_core::using_extnav_for_yaw)."""
+        if self._estimator in (Estimator.SIM, Estimator.EXTERNAL):
+            return False
         return self.core is not None and self.core.uses_ext_nav_for_yaw(self._now_ms())
+
+    def uses_gps(self) -> bool:
+        """Return whether the estimator uses a GPS; every other one than EKF3 is taken for one that does."""
+        return self._configured() is not Estimator.EKF3 or super().uses_gps()
+
+    def initialised(self) -> bool:
+        """Return whether the chosen estimator has settled (AP_AHRS::initialised)."""
+        if self._configured() is Estimator.EKF3:
+            return super().initialised()
+        return self._configured() is Estimator.SIM
 
     def get_yaw_rad(self) -> np.float32:
         """Return the yaw, -pi..pi."""
@@ -467,6 +502,8 @@ class Ekf3Ahrs(AhrsBase):
 
     def get_relative_position_NED_origin_float(self) -> Vector3f | None:
         """Return the position while the filter navigates; it needs no origin for that."""
+        if self._truth is not None:
+            return Vector3f(*self._truth[0])
         core = self.core
         navigates = self._active and core is not None and core.aiding.mode != NO_AIDING
         if not navigates or core is None or not self._flags() & FilterFlag.VERT_POS:
@@ -475,20 +512,24 @@ class Ekf3Ahrs(AhrsBase):
 
     def get_velocity_NED(self) -> Vector3f | None:
         """Return the velocity, as soon as the filter runs."""
+        if self._truth is not None:
+            return Vector3f(*self._truth[1])
         return Vector3f(*self.core.output.now.vel) if self._active and self.core is not None else None
 
     def get_location(self) -> Location | None:
         """Return the filter's place while it has one, else that of the GPS (NavEKF3_core::getLLH)."""
         origin = self.origin()
         position = None if origin is None else self.get_relative_position_NED_origin_float()
-        if origin is not None and position is not None and self._flags() & _HORIZ_POS:
+        if origin is not None and position is not None and (self._truth is not None or self._flags() & _HORIZ_POS):
             return origin.offset(position)
         fix = self._newest_gps()
         has_fix = self._active and fix is not None and fix.fix_type >= FIX_3D
         return fix.location if has_fix and fix is not None else None
 
     def get_filter_status(self) -> FilterStatus | None:
-        """Return flags and test ratios, once there are cores."""
+        """Return flags and test ratios, once there are cores; no flag is set of an estimator that does not run."""
+        if self._configured() is not Estimator.EKF3:
+            return NO_ESTIMATOR if self._truth is None else SIM_STATUS
         core = self.core
         if core is None:
             return None
@@ -511,8 +552,8 @@ class Ekf3Ahrs(AhrsBase):
         return core.height.terrain.down - core.output.now.pos[2]
 
     def healthy(self) -> bool:
-        """Return whether the filter runs well."""
-        return self._active and self.core is not None and self.core.healthy(self._now_ms())
+        """Return whether the estimator runs well."""
+        return self._truth is not None or (self._active and self.core is not None and self.core.healthy(self._now_ms()))
 
     # Requests of the vehicle
 
@@ -526,7 +567,14 @@ class Ekf3Ahrs(AhrsBase):
         self._origin = origin
         self.cores.lanes.set_origin(origin)
         self.cores.send_texts()
-        return True
+        return self._has_origin()
+
+    def _has_origin(self) -> bool:
+        return self._configured() is Estimator.EKF3 or self._truth is not None
+
+    def origin(self) -> Location | None:
+        """Return the origin of the chosen estimator."""
+        return self._origin if self._has_origin() else None
 
     def set_terrain_stable(self, *, is_stable: bool) -> None:
         """Set whether heights may be measured from the ground; only a change reaches the filter and the log."""
@@ -568,8 +616,16 @@ class Ekf3Ahrs(AhrsBase):
 
     def pre_arm_failure(self, requires_position: bool) -> str | None:
         """Return what keeps the vehicle from arming, the text after ``AHRS: ``, or None (AP_AHRS::pre_arm_check)."""
+        wanted = self._configured()
+        if wanted is Estimator.EXTERNAL:
+            return "ExternalAHRS: Invalid backend"
+        is_another = self._release.checks_estimator_number and self._params.get_int("AHRS_EKF_TYPE") != wanted
+        if is_another or (self._estimator is not wanted and self._has_compass()):
+            return "not using configured AHRS type"
+        if wanted is Estimator.SIM and self._truth is not None:
+            return None
         if not self._active or self.cores is None or self.core is None:
-            return "not using configured AHRS type" if self._has_compass() else "EKF3 not started"
+            return f"{wanted.title} not started"
         failure = self.cores.disagreement(checks_yaw=self._has_compass()) or source_failure(
             self._sources, self._is_fitted, requires_position=requires_position
         )

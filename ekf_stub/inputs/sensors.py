@@ -10,6 +10,7 @@ import numpy as np
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import Array, GpsSample, ImuReading, InertialDelta
+from ekf_stub.reports import Three
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +82,13 @@ class SensorSource:
     def yaw_rad(self) -> float:
         """Return the true heading as far as the source knows it, rad; what a simple estimate (DCM) starts from."""
         return 0.0
+
+    def truth(self, now_us: int) -> tuple[Three, Three, tuple[float, float, float, float]] | None:
+        """Return where the vehicle really is at a time since boot; None if the source does not know.
+
+        The place is in m from where it stood at first, the velocity in m/s, both NED; the attitude is body to earth.
+        """
+        return None
 
     def gps(self) -> GpsSample | None:
         """Return the newest solution of a GPS of the source's own; None without one."""

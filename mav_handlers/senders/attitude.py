@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from ap_core.fmath import f32
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import FIX_3D
+from ekf_stub.reports import NO_ESTIMATOR
 from mav_handlers.channel import Channel
 from mav_handlers.senders.builder import boot_ms, floats, quiet_overflow
 from mav_handlers.wire.messages import AHRS, AHRS2, ATTITUDE, ATTITUDE_QUATERNION, EKF_STATUS_REPORT
@@ -68,7 +69,7 @@ def ekf_status_report(vehicle: Vehicle, _channel: Channel, _now_us: int) -> EKF_
     Source: NavEKF3_core::send_status_report.
     """
     status = vehicle.ahrs.get_filter_status()
-    if status is None:
+    if status is None or status is NO_ESTIMATOR:
         return None
     return EKF_STATUS_REPORT(
         int(status.flags),

@@ -400,7 +400,7 @@ ESTIMATOR: Final = (
     ),
     Text(
         "AHRS: not using configured AHRS type",
-        "the same, of a vehicle with a compass",
+        "the same, of a vehicle with a compass; or AHRS_EKF_TYPE chooses an estimator that does not run",
         "the same",
         "the same",
         ("XN7-12",),

@@ -407,6 +407,12 @@ DIFFERENCES: Final[tuple[Difference, ...]] = (
         "aligns_source_in_use",
         Upstream("d2faaab299", "2025-07-01"),
     ),
+    _flag(
+        "arming asks for an AHRS_EKF_TYPE that the vehicle takes as it is",
+        "checks_estimator_number",
+        Upstream("a8b57dcead", "2025-12-01"),
+        is_recorded=True,
+    ),
     Difference(
         _FILTER,
         "ranges, also in its log",

@@ -21,6 +21,7 @@ from ap_core.location import Location
 from ap_core.param import FromParams, ParamTable
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
+from ekf_stub.ahrs.estimator import announces_dcm, value_after_boot
 from ekf_stub.core.params import EkfSources
 from ekf_stub.log.ekf_log_structure import XKF1
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
@@ -107,6 +108,8 @@ class Vehicle:
         self.params.set_from_mavlink("STAT_BOOTCNT", i16(self.params.get_int("STAT_BOOTCNT") + 1))  # AP_Stats::init
         for name, value in config.overrides.items():
             self.params.set(name, value)
+        ekf_type, has_ekf3 = self.params.get_int("AHRS_EKF_TYPE"), self.params.get_int("EK3_ENABLE") != 0
+        self.params.set("AHRS_EKF_TYPE", value_after_boot(ekf_type, has_ekf3=has_ekf3))
         open_log = config.open_log or (config.log_store.open_next if config.log_store else None)
         self.logger = Logger(self.clock, open_log, self._on_log_open, config.firmware.log.own)
         self.log = VehicleLog(self.logger, self.clock, config.firmware)
@@ -260,7 +263,8 @@ class Vehicle:
         self.copter.enter_initial_mode()
         self._update_log()
         self.texts.send_text(_MAV_SEVERITY_INFO, "ArduPilot Ready")
-        self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
+        if announces_dcm(self.params.get_int("AHRS_EKF_TYPE")):
+            self.texts.send_text(_MAV_SEVERITY_INFO, "AHRS: DCM active")
         for line in left_out({**self._config.defaults, **{param.name: float(param.value) for param in self.params}}):
             self.texts.send_text(_MAV_SEVERITY_WARNING, line)
 

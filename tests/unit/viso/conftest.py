@@ -220,6 +220,7 @@ class FakeAhrs(SettableAhrs):
     height_resets = 0
     terrain_is_stable = True
     velocity: Vector3f | None = None
+    has_gps_as_source = True
 
     def __init__(self) -> None:
         super().__init__()
@@ -233,6 +234,9 @@ class FakeAhrs(SettableAhrs):
 
     def estimator_started(self) -> bool:
         return self.started
+
+    def uses_gps(self) -> bool:
+        return self.has_gps_as_source
 
     def set_terrain_stable(self, *, is_stable: bool) -> None:
         self.terrain_is_stable = is_stable

@@ -284,7 +284,9 @@ def flat_height(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def ekf3_off(evidence: Evidence) -> Iterator[Sighting]:
-    kind, enabled = int(evidence.param("AHRS_EKF_TYPE")), int(evidence.param("EK3_ENABLE"))
+    # Of the recording: the vehicle that tries the stream replaces EKF2 as it boots.
+    kind = int(evidence.set_up.known.get("AHRS_EKF_TYPE", evidence.param("AHRS_EKF_TYPE")))
+    enabled = int(evidence.param("EK3_ENABLE"))
     flown = evidence.set_up.judged_by.stands_for
     if flown is not None and not flown.has_sources:
         kind = int(evidence.set_up.known.get("AHRS_EKF_TYPE", _EKF2))
@@ -292,7 +294,11 @@ def ekf3_off(evidence: Evidence) -> Iterator[Sighting]:
             text = f"AHRS_EKF_TYPE is {kind}, and before 4.1 no other estimator than EKF2 takes external navigation"
             yield Sighting(text, fix="Set AHRS_EKF_TYPE 2 and EK2_ENABLE 1 and reboot, or go to 4.1 or later.")
     elif evidence.is_concerned and (kind != 3 or enabled == 0):
-        what = {10: ", the simulator's own attitude and position", 11: ", an external estimator"}.get(kind, "")
+        what = {
+            0: ", DCM (without EKF2 a Copter takes EKF3, but since 4.7 does not arm)",
+            10: ", the simulator's own attitude and position",
+            11: ", an external estimator",
+        }.get(kind, "")
         yield Sighting(f"AHRS_EKF_TYPE is {kind}{what}, and EK3_ENABLE is {enabled}")
 
 

@@ -83,7 +83,7 @@ class ArmingChecks:
     def gps(self) -> str | None:
         """What is mandatory, between what a mode with a position needs of GPS and home (gps_checks)."""
         is_needed = self._mode().requires_position and self._vehicle.copter.arming.is_enabled(CHECK_GPS)
-        if not is_needed or not (self._vehicle.firmware.checks_unused_gps or self._vehicle.sources.uses_gps()):
+        if not is_needed or not (self._vehicle.firmware.checks_unused_gps or self._vehicle.ahrs.uses_gps()):
             return self.position()
         solution = self._vehicle.source.gps() or self._vehicle.gps.sample()
         return self._gps_failure(solution) or self.position() or self._dilution_failure(solution)

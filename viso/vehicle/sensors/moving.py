@@ -10,7 +10,7 @@ from ekf_stub.core.vectors import Quat
 from ekf_stub.inputs.measurements import Array, numbers_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.vehicle.sensors.airframe import Airframe
-from viso.vehicle.sensors.motion import Moving
+from viso.vehicle.sensors.motion import Moving, Truth
 from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 
 
@@ -68,3 +68,7 @@ class FlyingSource(MovingSource):
     def yaw_rad(self) -> float:
         """Return the heading in rad, -pi..pi."""
         return self.airframe.state.rpy[2]
+
+    def truth(self, now_us: int) -> Truth:
+        """Return where the vehicle is, as of the last pass."""
+        return self.airframe.truth()

@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.core.vectors import quat_of_euler, scaled
+from ekf_stub.core.vectors import Quat, quat_of_euler, scaled
 from ekf_stub.inputs.measurements import Array, InertialDelta, row_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.vehicle.sensors.errors import exact_delta
 from viso.vehicle.sensors.source import PERIOD_US, ImuOptions, VehicleSource, ideal_field, last_reading_us
-from viso.vehicle.sensors.vectors import to_body
+from viso.vehicle.sensors.vectors import ZERO, Three, to_body
 
 NOMINAL_US: Final = 2500
 SHORTEST_US: Final = NOMINAL_US // 4
@@ -32,7 +32,7 @@ class BenchSource(VehicleSource):
 
     def __init__(self, options: ImuOptions, *, roll_rad: float = 0.0, pitch_rad: float = 0.0) -> None:
         super().__init__(options)
-        quat = quat_of_euler(roll_rad, pitch_rad, options.heading_rad)
+        quat = self._quat = quat_of_euler(roll_rad, pitch_rad, options.heading_rad)
         self._accel = to_body(quat, (0.0, 0.0, -GRAVITY_MSS))
         self._field = ideal_field(quat)
         self._last_us: int | None = None
@@ -79,6 +79,10 @@ class BenchSource(VehicleSource):
         self._next_reading_us = reading_us + PERIOD_US
         mag = (reading_us, self._field) if self._options.has_compass() else None
         return Sensors(self._delta, (reading_us // 1000, 0.0), mag)
+
+    def truth(self, now_us: int) -> tuple[Three, Three, Quat]:
+        """Return where the vehicle stands."""
+        return ZERO, ZERO, self._quat
 
     def yaw_rad(self) -> float:
         """Return the heading in rad."""

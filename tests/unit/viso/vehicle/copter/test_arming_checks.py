@@ -175,7 +175,7 @@ def test_gps_that_is_not_used_matters_in_some_releases(
     rig.ahrs.ekf_origin = PLACE
     rig.copter.home.set(PLACE, lock=True)
     rig.vehicle.firmware = firmware
-    rig.vehicle.sources = EkfSources(lambda name: source if name == "SRC1_POSXY" else 0)
+    rig.ahrs.has_gps_as_source = EkfSources(lambda name: source if name == "SRC1_POSXY" else 0).uses_gps()
     rig.gps = fix(0)
     rig.copter.set_mode(ModeNumber.LOITER)
     assert failures(rig) == fails
