@@ -52,6 +52,7 @@ from viso.faults.kinds import FAULTS
 from viso.firmware.changes import DIFFERENCES
 from viso.firmware.releases import PROFILES, Firmware
 from viso.geometry.frame_change import PRESETS as AXES
+from viso.parameters.left_out import LEFT_OUT
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
 from viso.recording.outputs import FILES as RECORDING_FILES
@@ -154,6 +155,12 @@ def _text_exceptions() -> Iterator[tuple[str, ...]]:
     for one in TEXT_EXCEPTIONS:
         texts = ("<br>".join(f"`{text}`" for text in side) for side in (one.recorded, one.ours))
         yield f"`{one.name}`, {one.messages} messages", *texts, one.reason
+
+
+def _left_out() -> Iterator[tuple[str, ...]]:
+    for row in LEFT_OUT:
+        asked_by = (f"`{name}` {f'{value:g}' if value else 'above 0'}" for name, value in row.asked_by.items())
+        yield row.what, ", ".join(asked_by), row.line
 
 
 def _links() -> Iterator[tuple[str, ...]]:
@@ -521,6 +528,7 @@ TABLES: Final[Mapping[str, tuple[tuple[str, ...], Callable[[], Rows]]]] = {
     "fault_parameters": (("kind", "parameter", "default", "values", "what it is"), _fault_parameters),
     "recording_kinds": (("kind", "endings", "what it holds"), _recording_kinds),
     "tolerances": (("kind", "fields", "VISO_TYPE", "may differ by", "why"), _tolerances),
+    "left_out": (("what", "asked for by", "what viso says"), _left_out),
     "text_exceptions": (("capture", "only recorded", "only ours", "why"), _text_exceptions),
     "rooms": (("room", "what it holds"), _rooms),
     "objectives": (("column", "unit", "what it is"), _objectives),

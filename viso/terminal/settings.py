@@ -17,7 +17,7 @@ from viso.errors import InputError, as_input_errors
 from viso.files.text_files import read_lines, read_text
 from viso.firmware.releases import DEFAULT, Firmware
 from viso.parameters.conversion import carry_over_from_any, name_here
-from viso.parameters.left_out import may_ask
+from viso.parameters.left_out import line_about
 from viso.parameters.releases import ALL_RENAMES
 from viso.parameters.table import make_groups
 
@@ -38,6 +38,8 @@ def known_parameters(links: int, firmware: Firmware = DEFAULT) -> ParamTable:
 
 
 def _hint(name: str, table: ParamTable) -> str:
+    if (line := line_about(name)) is not None:
+        return f": {line}"
     other = name_here(name, table, ALL_RENAMES)
     return "" if other is None else f", which this firmware calls {other}"
 
@@ -72,7 +74,7 @@ def load_parm_file(
         _log.warning("%s: of another release: %s", path, first_of([str(one) for one in carried.conversions]))
     if carried.lost:
         _log.warning("%s: for links that are not there: %s", path, first_of(carried.lost))
-    unknown = [name for name in carried.values if table.find(name) is None and not may_ask(name)]
+    unknown = [name for name in carried.values if table.find(name) is None and line_about(name) is None]
     foreign = [name for name in unknown if len(lines) >= WHOLE_VEHICLE and not name.startswith(COMPLETE_GROUP)]
     for name in (name for name in unknown if name not in foreign):
         if strict:

@@ -22,6 +22,7 @@ from viso.doctor.evidence.trial import Trial, run_trial, without_trial
 from viso.doctor.evidence.vehicle_data import VehicleData, is_of_simulator, listen
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 from viso.firmware.releases import Firmware
+from viso.parameters.left_out import left_out
 from viso.streams.heard import firmware_of_recording
 from viso.streams.stream_kinds import Aspect, Stream
 from viso.vehicle.flow import STABILISED
@@ -94,6 +95,7 @@ def gather(
     if evidence.stream.poses and not _knows_axes(evidence):
         notes.insert(0, f"{stream.name}: {_AXES_UNKNOWN}")
     notes += (f"{stream.name}: {note}" for note in judged_by.notes)
+    notes += (f"{stream.name}: {line}" for line in left_out(set_up.known, of_estimator=True))
     return replace(evidence, notes=tuple(notes))
 
 

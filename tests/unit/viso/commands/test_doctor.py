@@ -107,6 +107,11 @@ def test_parameters_are_given(viso: Viso) -> None:
 
 
 @pytest.mark.slow
+def test_parameter_that_asks_for_what_is_left_out_is_noted(viso: Viso) -> None:
+    outcome = viso("doctor", written("clean"), "--param", "EK3_SRC2_POSXY=4", "--baud", "0")
+    assert "clean: EK3_SRC2_POSXY is 4: range beacons are not fused here" in " ".join(outcome.err.split())
+
+
 def test_assumed_parameters_are_told(viso: Viso) -> None:
     data = json.loads(viso("doctor", written("clean", params=False), "--json", "--baud", "0").out)
     assert data["assumed"]["VISO_TYPE"] == 1

@@ -4,7 +4,8 @@
 
 import pytest
 
-from viso.parameters.left_out import left_out
+from tests.places import ROOT
+from viso.parameters.left_out import LEFT_OUT, left_out
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 
@@ -14,6 +15,9 @@ from viso.vehicle.vehicle import Vehicle, VehicleConfig
     ("BCN_TYPE", 1, "BCN_TYPE is 1: range beacons are not fused here"),
     ("EK3_DRAG_MCOEF", 0.25, "EK3_DRAG_MCOEF is 0.25: drag is not fused, and wind not estimated here"),
     ("ARSPD_TYPE", 2, "ARSPD_TYPE is 2: airspeed is not fused here"),
+    ("EK3_SRC2_VELXY", 7, "EK3_SRC2_VELXY is 7: wheel encoders are not fused here"),
+    ("EAHRS_TYPE", 1, "EAHRS_TYPE is 1: there is no External AHRS here"),
+    ("AHRS_EKF_TYPE", 11, "AHRS_EKF_TYPE is 11: there is no External AHRS here"),
     ("FENCE_ENABLE", 1, "FENCE_ENABLE is 1: no fence is kept here"),
 ])  # fmt: skip
 def test_what_asks_in_vain_is_told(name: str, value: float, line: str) -> None:
@@ -22,6 +26,16 @@ def test_what_asks_in_vain_is_told(name: str, value: float, line: str) -> None:
 
 def test_nothing_is_told_of_what_asks_for_nothing() -> None:
     assert left_out({"EK3_SRC1_POSXY": 6.0, "BCN_TYPE": 0.0, "EK3_DRAG_BCOEF_X": 0.0, "ARSPD_TYPE": 0.0}) == ()
+
+
+def test_readme_names_all_of_it() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert [row.what for row in LEFT_OUT if row.what not in readme.replace("\n", " ")] == []
+
+
+def test_doctor_asks_for_what_the_estimator_lacks() -> None:
+    params = {"FENCE_ENABLE": 1.0, "BCN_TYPE": 1.0}
+    assert left_out(params, of_estimator=True) == ("BCN_TYPE is 1: range beacons are not fused here",)
 
 
 def test_vehicle_says_so_as_it_boots() -> None:

@@ -69,6 +69,11 @@ def test_assignment_to_an_unknown_parameter_is_refused() -> None:
     assert str(raised.value) == "--param 'NO_SUCH=1': unknown parameter NO_SUCH"
 
 
+def test_parameter_of_what_is_left_out_is_refused_with_the_reason() -> None:
+    with pytest.raises(InputError, match="unknown parameter BCN_TYPE: range beacons are not fused here$"):
+        load_settings([], ["BCN_TYPE=1"], links=1)
+
+
 UNKNOWN = ["VISO_TIPE", "EK3_SRC4_YAW", "SERVO1_MIN"]
 
 
