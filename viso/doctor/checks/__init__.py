@@ -77,6 +77,7 @@ CHECKS: Final = (
     axes.position_axes,
     axes.quaternion_order,
     axes.sinks_below_start,
+    axes.exchanged_angles,
     clocks.constant_stamps,
     clocks.stamp_unit,
     clocks.stamps_step_back,

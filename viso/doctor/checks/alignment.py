@@ -14,7 +14,7 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import ALIGNED, aligned_us, lasting
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, share
-from viso.doctor.evidence.compare import ALIGNING_TYPES, oriented
+from viso.doctor.evidence.compare import ALIGNING_TYPES, comparison_of, oriented
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
@@ -158,6 +158,9 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
 def tilted_attitude(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
     for poses, chosen, sent, vehicle in _beside_vehicle(evidence):
+        compared = comparison_of(poses, evidence.comparisons)
+        if compared is not None and (compared.exchanged or compared.reading is not None):  # XN2-12, XN2-10
+            continue
         angle = np.arccos(np.clip(np.sum(down_in_body(sent) * down_in_body(vehicle), axis=1), -1, 1))
         mask = lasting(poses.track.arrival_us[chosen], angle > limits.ATTITUDE_OFF_RAD)
         if mask.any():

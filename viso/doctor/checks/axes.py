@@ -3,21 +3,25 @@
 """XN2: axes, compared with the vehicle's own attitude and path."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Final
 
 import numpy as np
 
+from ekf_stub.ahrs.sources import EXTNAV
 from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import is_related
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.frames import is_misordered
-from viso.doctor.evidence.compare import ALIGNING_TYPES, Comparison
+from viso.doctor.evidence.compare import ALIGNING_TYPES, LAST, Comparison, level_reading, median_tilt
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
-from viso.doctor.evidence.tracks import Floats, down_in_body, reordered
+from viso.doctor.evidence.vehicle_position import SOURCE_SETS
+from viso.estimators.angles import ANGLES, YAW, Carrier
 from viso.estimators.axis_rotations import BODY_WORDS, AxisMap, orient_name, rotation_matrix
-from viso.geometry.rotation import euler_from_quats
+
+_TILTED: Final = "roll and pitch are {:.0f} deg from the vehicle's own, and {:.0f} deg if q is read as {}"
 
 
 def _is_ros(compared: Comparison) -> bool:
@@ -64,6 +68,8 @@ def camera_attitude(evidence: Evidence) -> Iterator[Sighting]:
         orientation = compared.orientation
         if not orientation.sufficient or orientation.axes.is_identity or _is_ros(compared):
             continue
+        if compared.exchanged or compared.reading is not None:
+            continue
         is_obeyed, orient = evidence.viso_type in ALIGNING_TYPES, int(evidence.param("VISO_ORIENT"))
         set_so = f" once VISO_ORIENT {orient} is taken off" if is_obeyed and orient else ""
         yield Sighting.in_track(
@@ -87,6 +93,58 @@ def _mounting_fix(axes: AxisMap, orient: int | None) -> str:
 
 
 @check(
+    code="XN2-12",
+    severity=Severity.ERROR,
+    title="Roll, pitch and yaw exchanged, or of the wrong sign",
+    firmware=(
+        "The autopilot takes roll to the right, pitch up and yaw to the right (clockwise from above) as positive, in "
+        "this order. With EK3_SRC1_YAW 6 a yaw that turns the other way, or not at all, makes the vehicle circle."
+    ),
+    source="GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data",
+    fix="Send roll, pitch and yaw of the vehicle, in this order.",
+    witness=Witness.LOG,
+)
+def exchanged_angles(evidence: Evidence) -> Iterator[Sighting]:
+    for compared in evidence.comparisons:
+        if compared.exchanged and compared.reading is None:
+            found = ", ".join(_carried(carrier) for carrier in compared.exchanged)
+            uses = [f"EK3_SRC{number}_YAW" for number in SOURCE_SETS if evidence.source("YAW", number) == EXTNAV]
+            is_used = uses or evidence.viso_type in ALIGNING_TYPES or compared.poses.track.sender.name == "ODOMETRY"
+            yield Sighting.in_track(
+                f"{compared.poses.track.sender}: against the vehicle's own turns, {found}",
+                compared.poses.track,
+                severity=None if is_used else Severity.NOTE,
+                fix=_exchange_fix(compared.exchanged, is_quaternion=compared.poses.euler_rad is None),
+            )
+
+
+def _carried(carrier: Carrier) -> str:
+    angle, sent = ANGLES[carrier.angle], ANGLES[carrier.sent]
+    fit = f"(correlation {carrier.sign * carrier.correlation:.2f}"
+    if carrier.sent == carrier.angle:
+        return f"the {sent} that is sent turns the opposite way {fit})"
+    whose = "minus the vehicle's" if carrier.sign < 0 else "the vehicle's"
+    return f"what is sent as {sent} is {whose} {angle} {fit}; of the {angle} sent {carrier.own_correlation:.2f})"
+
+
+def _exchange_fix(exchanged: Sequence[Carrier], *, is_quaternion: bool) -> str:
+    """Return what the sender has to send in place of what it sends."""
+    parts = [
+        f"as {ANGLES[carrier.angle]} {'minus ' if carrier.sign < 0 else ''}what is now sent as {ANGLES[carrier.sent]}"
+        for carrier in sorted(exchanged, key=lambda carrier: carrier.angle)
+    ]
+    fix = f"Send {', '.join(parts)}."
+    if [(carrier.angle, carrier.sent) for carrier in exchanged] == [(YAW, YAW)]:
+        fix += (
+            " A yaw that grows to the left is that of ROS (ENU, FLU): send pi/2 - yaw with positions (y, x, -z), or "
+            "-yaw with positions (x, -y, -z) if the world has no north."
+        )
+    if is_quaternion:
+        fix += " A quaternion from world to body turns the opposite way too: there send its inverse."
+    return fix
+
+
+@check(
     code="XN2-07",
     severity=Severity.ERROR,
     title="The stream's world is not z down",
@@ -99,7 +157,7 @@ def world_not_down(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
         world = compared.world
         tilted = world.sufficient and world.axes.signed_axes[2] != 3
-        if compared.orientation.sufficient and tilted and not _is_ros(compared):
+        if compared.shows_axes and tilted and not _is_ros(compared) and compared.reading is None:
             track = compared.poses.track
             yield Sighting.in_track(
                 f"{track.sender}: against the vehicle's own attitude the stream's world is {world.name}", track
@@ -172,7 +230,7 @@ def position_axes(evidence: Evidence) -> Iterator[Sighting]:
     fix="Put w first: ROS, TUM's files, Eigen's coeffs() and scipy have it last.",
 )
 def quaternion_order(evidence: Evidence) -> Iterator[Sighting]:
-    """Find quaternions that make sense only as x, y, z, w: by velocities, or by the vehicle's own roll and pitch."""
+    """Find quaternions that make sense only in another order: by velocities, or by the vehicle's own roll and pitch."""
     by_velocity = [motion.pose_sender for motion in evidence.stream.motions if is_misordered(motion)]
     for poses in evidence.stream.poses:
         track = poses.track
@@ -181,13 +239,11 @@ def quaternion_order(evidence: Evidence) -> Iterator[Sighting]:
             yield Sighting.in_track(f"{track.sender}: {text}", track)
         elif poses.euler_rad is None and evidence.vehicle.attitude is not None:
             vehicle = evidence.vehicle.attitude.at(track.arrival_us)
-            apart = [_median_tilt(quats, vehicle) for quats in (poses.quat_wxyz, reordered(poses.quat_wxyz))]
-            if apart[0] > limits.TILTED_RAD and apart[1] < limits.LEVEL_RAD:
-                yield Sighting.in_track(
-                    f"{track.sender}: roll and pitch are {math.degrees(apart[0]):.0f} deg from the vehicle's own, and "
-                    f"{math.degrees(apart[1]):.0f} deg if the quaternion is read as x, y, z, w",
-                    track,
-                )
+            as_sent, found = median_tilt(poses.quat_wxyz, vehicle), level_reading(poses.quat_wxyz, vehicle)
+            if found is not None:
+                text = _TILTED.format(math.degrees(as_sent), math.degrees(found.tilt_rad), found.name)
+                fix = None if found.name == LAST else f"Send q as w, x, y, z: what is sent is {found.name}."
+                yield Sighting.in_track(f"{track.sender}: {text}", track, fix=fix)
 
 
 @check(
@@ -220,13 +276,3 @@ def sinks_below_start(evidence: Evidence) -> Iterator[Sighting]:
         if sunk.max() >= limits.LEAST_SINKING_M and -sunk.min() < limits.MOST_RISE_SHARE * sunk.max():
             deepest = f"z grows by up to {sunk.max():.1f} m from where it begins, and never falls below that"
             yield Sighting.in_track(f"{poses.track.sender}: {deepest}: is z up there?", poses.track)
-
-
-def _median_tilt(quat_wxyz: Floats, vehicle_rad: Floats) -> float:
-    """Return the median angle between two attitudes' verticals in rad; NaN if too few are known."""
-    sent = euler_from_quats(quat_wxyz)
-    fine = np.isfinite(np.column_stack((sent, vehicle_rad))).all(axis=1)
-    if np.count_nonzero(fine) < FEWEST_MESSAGES:
-        return math.nan
-    cosine = np.sum(down_in_body(sent[fine]) * down_in_body(vehicle_rad[fine]), axis=1)
-    return float(np.median(np.arccos(np.clip(cosine, -1, 1))))

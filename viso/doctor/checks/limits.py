@@ -73,10 +73,6 @@ LEAST_SINKING_M: Final = 0.7
 """Less is a vehicle that was lifted off a table or a stand."""
 MOST_RISE_SHARE: Final = 0.15
 """Of what it sinks: a vehicle that takes off rises more than its noise, if z is down."""
-LEVEL_RAD: Final = math.radians(8)
-"""A quaternion that is read in the right order agrees with the vehicle's roll and pitch as closely."""
-TILTED_RAD: Final = math.radians(20)
-"""One that is read in the wrong order does not, unless the vehicle points north all the time."""
 
 # XN3: time.
 

@@ -104,7 +104,7 @@ def _measured(
 ) -> Evidence:
     """Return evidence of a stream that was tried, with a note if the vehicle is left out of account."""
     sent = stream_data(stream, messages)
-    comparisons = compare(sent.poses, sent.vision, vehicle.attitude, trial.params)
+    comparisons = compare(sent.poses, sent.vision, vehicle.attitude, trial.params, vehicle.ground.turning)
     notes: tuple[str, ...] = ()
     if Aspect.RESETS in stream.lacks and _is_another_flight(comparisons):
         vehicle = replace(vehicle, attitude=None, height=None, position=None, level=None, truth=None)
@@ -143,6 +143,6 @@ def _flow_fits(stream: Stream, sent: StreamData, vehicle: VehicleData, trial: Tr
 
 def _knows_axes(evidence: Evidence) -> bool:
     """Return whether attitudes or a path show which way the stream's axes point."""
-    if any(comparison.orientation.sufficient for comparison in evidence.comparisons):
+    if any(compared.orientation.sufficient or compared.carriers for compared in evidence.comparisons):
         return True
     return any(path.axes is not None and path.axes.sufficient for path in evidence.paths)

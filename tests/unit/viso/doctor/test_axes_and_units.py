@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Angles in another number or of the wrong sign, quaternions in another order: named; flights in order: nothing."""
+
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from tests.places import DATA
+from tests.unit.viso.doctor.made_flights import PARAMS, Floats, Motion, judged, telemetry
+from viso.doctor import CHECKS, Finding, Severity, diagnose, gather
+from viso.estimators.angles import carriers
+from viso.streams.stream_kinds import Stream, read_whole_stream
+
+STRANGERS = DATA / "strangers"
+OF_AXES = {"XN2-02", "XN2-06", "XN2-07", "XN2-10", "XN2-12", "XN8-05"}
+NOISY = Motion(noise_rad=0.005)
+
+
+def found_in(stream: Stream) -> dict[str, Finding]:
+    """Return the findings of axes that are worse than notes."""
+    findings = diagnose(judged(stream), [check for check in CHECKS if check.code in OF_AXES])
+    return {one.code: one for one in findings if one.severity is not Severity.NOTE}
+
+
+def found_in_file(name: str) -> dict[str, Finding]:
+    stream = read_whole_stream(STRANGERS / name, 30_000_000)
+    return {one.code: one for one in diagnose(gather(stream, is_tried=False), CHECKS)}
+
+
+@pytest.mark.parametrize(
+    ("name", "parts", "fix"),
+    [
+        ("yaw_opposite", ["the yaw that is sent turns the opposite way (correlation -1.00)"], "send pi/2 - yaw"),
+        (
+            "pitch_is_yaw",
+            ["what is sent as pitch is minus the vehicle's yaw", "what is sent as yaw is minus the vehicle's pitch"],
+            "Send as pitch minus what is now sent as yaw, as yaw minus what is now sent as pitch.",
+        ),
+        (
+            "yaw_in_roll",
+            ["what is sent as yaw is the vehicle's roll", "what is sent as roll is the vehicle's yaw"],
+            "Send as roll what is now sent as yaw, as yaw what is now sent as roll.",
+        ),
+    ],
+)
+def test_angles_of_strangers(name: str, parts: list[str], fix: str) -> None:
+    findings = found_in_file(f"{name}.tlog.gz")
+    assert findings["XN2-12"].severity is Severity.ERROR
+    assert all(part in findings["XN2-12"].evidence for part in parts)
+    assert fix in findings["XN2-12"].fix
+    assert "XN8-05" not in findings
+
+
+def wrong_in(motion: Motion, order: tuple[int, ...], signs: tuple[int, ...]) -> set[tuple[int, int, int]]:
+    """Return angle, number and sign of what is found wrong when angles are sent so."""
+    sent_s, vehicle_s = np.arange(0.0, motion.length_s, 0.04), np.arange(0.0, motion.length_s, 0.1)
+    rpy = motion.angles(vehicle_s)
+    noise = motion.noise_rad * np.random.default_rng(1).standard_normal((len(sent_s), 3))
+    sent = (motion.angles(sent_s) + noise)[:, list(order)] * signs
+    found = carriers(sent_s * 1e6, sent, vehicle_s * 1e6, rpy, rpy)
+    return {(one.angle, one.sent, one.sign) for one in found if not one.is_right}
+
+
+@pytest.mark.parametrize("motion", [NOISY, Motion(tilt_rad=0.3, yaw_rad=3.0), Motion(tilt_rad=0.001, yaw_rad=0.4)])
+def test_each_exchange_and_sign_of_angles_is_found(motion: Motion) -> None:
+    for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
+        expected = {
+            (angle, number, signs[number])
+            for number, angle in enumerate(order)
+            if (angle != number or signs[number] < 0) and (angle == 2 or motion.tilt_rad > 0.01)
+        }
+        assert wrong_in(motion, order, signs) == expected
+
+
+@pytest.mark.parametrize("angle", ["roll", "pitch", "yaw"])
+def test_one_sign_is_named_with_what_to_send(angle: str) -> None:
+    signs = [-1 if name == angle else 1 for name in ("roll", "pitch", "yaw")]
+    finding = found_in(telemetry(motion=NOISY, angles=lambda rpy: rpy * signs))["XN2-12"]
+    assert f"the {angle} that is sent turns the opposite way" in finding.evidence
+    assert finding.fix.startswith(f"Send as {angle} minus what is now sent as {angle}.")
+
+
+def test_wrong_angles_that_nothing_uses_are_a_note() -> None:
+    stream = telemetry(motion=NOISY, angles=lambda rpy: -rpy, params={**PARAMS, "EK3_SRC1_YAW": 1.0})
+    findings = {one.code: one for one in diagnose(judged(stream), CHECKS)}
+    assert findings["XN2-12"].severity is Severity.NOTE
+
+
+@pytest.mark.parametrize(("kind", "attitude_hz"), [("VISION_POSITION_ESTIMATE", 4.0), ("ODOMETRY", 10.0)])
+@pytest.mark.parametrize(
+    "motion",
+    [
+        Motion(),
+        Motion(noise_rad=0.02),
+        Motion(yaw_rad=0.05),
+        Motion(yaw_rad=0.0, tilt_rad=0.0, noise_rad=0.01),
+        Motion(yaw_rad=3.0, tilt_rad=0.4),
+        Motion(length_s=8.0),
+        Motion(tilt_rad=0.001, yaw_rad=0.4, noise_rad=0.03),
+    ],
+)
+def test_flight_in_order_gives_no_finding_of_axes(motion: Motion, kind: str, attitude_hz: float) -> None:
+    late = telemetry(kind, motion, delay_s=lambda time_s: np.full_like(time_s, 0.12), attitude_hz=attitude_hz)
+    assert OF_AXES & found_in(late).keys() == set()
+
+
+@pytest.mark.parametrize("number", [0.0, np.nan])
+def test_sender_of_positions_alone_has_no_angles_to_exchange(number: float) -> None:
+    assert "XN2-12" not in found_in(telemetry(angles=lambda rpy: np.full_like(rpy, number)))
+
+
+@pytest.mark.parametrize(
+    ("order", "is_inverse", "name"),
+    [
+        ((1, 2, 3, 0), False, "x, y, z, w"),
+        ((1, 2, 3, 0), True, "x, y, z, w, of the inverse rotation"),
+        ((0, 3, 2, 1), False, "w, z, y, x"),
+    ],
+)
+def test_order_of_a_quaternion_is_named(order: tuple[int, ...], is_inverse: bool, name: str) -> None:
+    def sent(quats: Floats) -> Floats:
+        return np.asarray((quats * [1, *(-1 if is_inverse else 1,) * 3])[:, list(order)])
+
+    findings = found_in(telemetry("ATT_POS_MOCAP", NOISY, quats=sent))
+    assert findings["XN2-10"].evidence.endswith(f"if q is read as {name}")
+    assert OF_AXES & findings.keys() == {"XN2-10"}
+
+
+def test_inverse_quaternion_turns_the_opposite_way() -> None:
+    finding = found_in(telemetry("ODOMETRY", NOISY, quats=lambda quats: quats * [1, -1, -1, -1]))["XN2-12"]
+    assert "the yaw that is sent turns the opposite way" in finding.evidence
+    assert "there send its inverse" in finding.fix
