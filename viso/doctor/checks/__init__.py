@@ -78,6 +78,7 @@ CHECKS: Final = (
     axes.quaternion_order,
     axes.sinks_below_start,
     axes.exchanged_angles,
+    axes.body_on_its_side,
     clocks.constant_stamps,
     clocks.stamp_unit,
     clocks.stamps_step_back,

@@ -13,13 +13,16 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import is_related
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.frames import is_misordered
-from viso.doctor.evidence.compare import ALIGNING_TYPES, LAST, Comparison, level_reading, median_tilt
+from viso.doctor.evidence.compare import ALIGNING_TYPES, LAST, Comparison, level_reading, median_tilt, oriented
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
+from viso.doctor.evidence.tracks import down_in_body
+from viso.doctor.evidence.vehicle_data import HeightSeries
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 from viso.estimators.angles import ANGLES, YAW, Carrier
 from viso.estimators.axis_rotations import BODY_WORDS, AxisMap, orient_name, rotation_matrix
+from viso.geometry.rotation import euler_from_quats
 
 _TILTED: Final = "roll and pitch are {:.0f} deg from the vehicle's own, and {:.0f} deg if q is read as {}"
 
@@ -174,10 +177,13 @@ def world_not_down(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def height_mirrored(evidence: Evidence) -> Iterator[Sighting]:
-    if evidence.vehicle.height is None:
+    height, level = evidence.vehicle.height, evidence.vehicle.level
+    if level is not None and np.ptp(level.down_m) > limits.LEVEL_TIMES_NOISE * level.noise_m:
+        height = HeightSeries(level.time_us, level.down_m)  # this one does not follow the stream
+    if height is None:
         return
     for poses in evidence.stream.poses:
-        there = evidence.vehicle.height.at(poses.track.arrival_us)
+        there = height.at(poses.track.arrival_us)
         down = poses.pos_m[:, 2]
         fine = np.isfinite(there) & np.isfinite(down)
         if (
@@ -261,12 +267,9 @@ def quaternion_order(evidence: Evidence) -> Iterator[Sighting]:
     ),
 )
 def sinks_below_start(evidence: Evidence) -> Iterator[Sighting]:
-    """Find poses that begin at rest and go down only, if nothing else shows the vehicle's height or attitude."""
-    if (
-        evidence.vehicle.height is not None
-        or evidence.vehicle.level is not None
-        or evidence.vehicle.attitude is not None
-    ):
+    """Find poses that begin at rest and go down only, if nothing else shows the vehicle's height."""
+    vehicle = evidence.vehicle
+    if vehicle.height is not None or vehicle.level is not None or vehicle.is_submarine:
         return
     for poses in evidence.stream.poses:
         pos = poses.pos_m[np.isfinite(poses.pos_m).all(axis=1)]
@@ -276,3 +279,42 @@ def sinks_below_start(evidence: Evidence) -> Iterator[Sighting]:
         if sunk.max() >= limits.LEAST_SINKING_M and -sunk.min() < limits.MOST_RISE_SHARE * sunk.max():
             deepest = f"z grows by up to {sunk.max():.1f} m from where it begins, and never falls below that"
             yield Sighting.in_track(f"{poses.track.sender}: {deepest}: is z up there?", poses.track)
+
+
+@check(
+    code="XN2-13",
+    severity=Severity.WARNING,
+    title="The body lies on its side",
+    firmware=(
+        "The autopilot takes attitudes as those of the vehicle, forward, right, down. Types 2 and 3 refuse to arm "
+        "beyond 10 deg of roll and pitch; the velocity of ODOMETRY is rotated by a wrong attitude."
+    ),
+    source="AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::pre_arm_check",
+    fix="Turn the attitude from the axes of the IMU or the camera to those of the vehicle.",
+)
+def body_on_its_side(evidence: Evidence) -> Iterator[Sighting]:
+    """Find attitudes that lie on their side all the time, if the vehicle's own are not known."""
+    low, high = limits.ON_ITS_SIDE_RAD
+    for poses in evidence.stream.poses if evidence.vehicle.best_attitude is None else ():
+        down = down_in_body(
+            euler_from_quats(oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT"))))
+        )
+        down = down[np.isfinite(down).all(axis=1)]
+        if len(down) < limits.FEWEST_COMPARED:
+            continue
+        tilt = np.arccos(np.clip(down[:, 2], -1, 1))
+        if not low < np.median(tilt) < high or np.mean((tilt > low) & (tilt < high)) < limits.ON_ITS_SIDE_SHARE:
+            continue
+        middle = np.median(down, axis=0)
+        axis = int(np.abs(middle[:2]).argmax())
+        name, word = "xy"[axis], "down" if middle[axis] > 0 else "up"
+        yield Sighting.in_track(
+            f"{poses.track.sender}: roll and pitch are {math.degrees(float(np.median(tilt))):.0f} deg from level all "
+            f"the time: the body's {name} points {word}, as in an IMU or a camera whose axes are not the vehicle's",
+            poses.track,
+            fix=(
+                f"Send the attitude of the vehicle. For a trajectory, --axes WORLD/BODY names the directions of its "
+                f"axes: the letter of {name} is {word[0].upper()}, as in RDF (optical), a camera whose y points "
+                "down and z forward; --mounting turns by what is left over."
+            ),
+        )

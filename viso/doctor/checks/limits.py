@@ -59,6 +59,12 @@ HEADING_TURNED_RAD: Final = math.radians(8)
 """Less cannot be distinguished from noise, or from a right angle, which is a matter of axes."""
 ZERO_SPEED_SHARE: Final = 0.02
 """Of the speed of the path: velocities below it are not filled in."""
+ON_ITS_SIDE_RAD: Final = (math.radians(60), math.radians(120))
+"""A tilt between these is a right angle and what a vehicle leans; beyond it the body is upside down."""
+ON_ITS_SIDE_SHARE: Final = 0.8
+"""Of the attitudes of a recording: a vehicle does not fly on its side so long."""
+LEVEL_TIMES_NOISE: Final = 2.0
+"""Times its noise: a climb that a barometer shows."""
 LEAST_CLIMB_M: Final = 0.5
 """In a smaller climb the noise of heights hides which way is up."""
 MIRRORED_CORRELATION: Final = -0.7
@@ -140,6 +146,23 @@ SCALE_SIGMAS: Final = 4.0
 """Beyond so many sigmas of the estimate, the scale is no chance."""
 FASTEST_M_S: Final = 60.0
 """A vehicle with a camera may be thought to fly so fast."""
+HARDEST_M_S2: Final = 15.0
+"""Half of the time, and over a second: no vehicle with a camera accelerates so hard for so long."""
+COPTER_M_S: Final = 60.0
+"""Times the root of the tangent of its lean: faster than racing copters, which reach 40 m/s at 45 deg."""
+COPTER_WIND_M_S: Final = 5.0
+"""A copter that does not lean moves no faster than a breeze, or the one who carries it."""
+COPTER_TIMES_LEAN: Final = 3.0
+"""Times gravity and the tangent of its lean, a copter does not accelerate half of the time."""
+COPTER_GUSTS_M_S2: Final = 3.0
+"""A copter that is carried accelerates without a lean."""
+GRAVITY_M_S2: Final = 9.81
+STEEPEST_LEAN: Final = 0.2
+"""The cosine of a lean that counts; beyond it a tangent says nothing."""
+FOOT: Final = 1 / 0.3048
+"""Of a metre."""
+FOOT_OFF: Final = 0.06
+"""Of the factor: a scale is known no better."""
 GLITCH_M_S: Final = 2.0
 """No vehicle changes its velocity by as much from one message to the next, and back."""
 SPIKE_TIMES: Final = 10.0

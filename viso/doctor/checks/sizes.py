@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """XN5: sizes of positions and velocities, compared with each other."""
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -15,7 +16,7 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.motion import Agreement, Motion, agreement, typical_speed
 from viso.doctor.evidence.own_filter import Witness
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, time_base_us
-from viso.doctor.evidence.tracks import Poses, median_of
+from viso.doctor.evidence.tracks import Floats, Poses, down_in_body, median_of
 
 _DECODE: Final = "GCS_Common.cpp, GCS_MAVLINK::handle_common_vision_position_estimate_data and handle_odometry"
 _SCALED: Final = "AP_VisualOdom_MAV.cpp, AP_VisualOdom_MAV::handle_pose_estimate"
@@ -56,17 +57,71 @@ def length_unit(evidence: Evidence) -> Iterator[Sighting]:
         if poses.track.sender not in reported and speed > limits.FASTEST_M_S:
             numbers = poses.track.numbers.tolist()
             yield Sighting(f"{poses.track.sender}: positions change by {speed:.0f} m in a second", numbers)
+            continue
+        beyond = None if poses.track.sender in reported else _beyond_vehicle(evidence, poses)
+        if beyond is not None:
+            yield Sighting.in_track(f"{poses.track.sender}: {beyond}", poses.track)
 
 
-def _path_speed(poses: Poses) -> float:
-    """Return the median speed of a path in m/s, over steps of a quarter of a second."""
+def _beyond_vehicle(evidence: Evidence, poses: Poses) -> str | None:
+    """Return how a path is faster, or bends harder, than a vehicle can that leans as this one; None if it does not."""
+    attitude = evidence.vehicle.best_attitude
+    speed = float(np.quantile(_speeds(poses), 0.75)) if len(_speeds(poses)) >= FEWEST_MESSAGES else 0.0
+    bend = _acceleration(poses)
+    if bend > limits.HARDEST_M_S2:
+        return f"the path changes its velocity by {bend:.0f} m/s in a second: {_in_units(speed)}"
+    if attitude is None or not evidence.vehicle.is_copter:
+        return None
+    euler_rad = attitude.at(poses.track.arrival_us)
+    upright = down_in_body(euler_rad[np.isfinite(euler_rad).all(axis=1)])[:, 2]
+    if len(upright) < FEWEST_MESSAGES:
+        return None
+    lean = math.acos(min(1.0, max(float(np.quantile(upright, 0.1)), limits.STEEPEST_LEAN)))
+    fastest = limits.COPTER_WIND_M_S + limits.COPTER_M_S * math.sqrt(math.tan(lean))
+    hardest = limits.COPTER_GUSTS_M_S2 + limits.COPTER_TIMES_LEAN * limits.GRAVITY_M_S2 * math.tan(lean)
+    leans = f"at a lean of {math.degrees(lean):.0f} deg (less in nine of ten)"
+    if speed > fastest:
+        return f"the path is as fast as {speed:.0f} m/s {leans}, which no copter reaches: {_in_units(speed)}"
+    if bend > hardest:
+        return f"the path changes its velocity by {bend:.1f} m/s in a second {leans}: {_in_units(speed)}"
+    return None
+
+
+def _in_units(speed: float) -> str:
+    return f"as centimetres its speed would be {speed / 100:.2g} m/s, as millimetres {speed / 1000:.2g} m/s"
+
+
+def _acceleration(poses: Poses) -> float:
+    """Return the median size of the horizontal acceleration of a path over a second, in m/s^2; 0 if unknown."""
+    time_s, fine = time_base_us(poses.track) * 1e-6, np.isfinite(poses.pos_m).all(axis=1)
+    time_s, pos_m = time_s[fine], poses.pos_m[fine, :2]
+    if len(time_s) < FEWEST_MESSAGES or np.any(np.diff(time_s) < 0) or time_s[-1] - time_s[0] < 3:
+        return 0.0
+    middle = time_s[(time_s > time_s[0] + 1) & (time_s < time_s[-1] - 1)]
+    before, now, after = (
+        np.column_stack([np.interp(middle + by_s, time_s, column) for column in pos_m.T]) for by_s in (-1.0, 0.0, 1.0)
+    )
+    return median_of(np.linalg.norm(after - 2 * now + before, axis=1))
+
+
+def _speeds(poses: Poses) -> Floats:
+    """Return the speeds of a path in m/s, over steps of a quarter of a second."""
     time_s = time_base_us(poses.track) * 1e-6
     last = np.searchsorted(time_s, time_s + 0.25)
     first = np.flatnonzero(last < len(time_s))
     last = last[first]
     step = np.linalg.norm(poses.pos_m[last] - poses.pos_m[first], axis=1) / (time_s[last] - time_s[first])
-    step = step[np.isfinite(step)]
-    return float(np.median(step)) if len(step) >= FEWEST_MESSAGES else 0.0
+    return np.asarray(step[np.isfinite(step)], dtype=np.float64)
+
+
+def _path_speed(poses: Poses) -> float:
+    """Return the median speed of a path in m/s; 0 if too little is known."""
+    speeds = _speeds(poses)
+    return float(np.median(speeds)) if len(speeds) >= FEWEST_MESSAGES else 0.0
+
+
+def _like_feet(factor: float) -> str:
+    return "; such a factor has a path in feet" if abs(factor / limits.FOOT - 1) < limits.FOOT_OFF else ""
 
 
 @check(
@@ -90,7 +145,7 @@ def path_against_velocities(evidence: Evidence) -> Iterator[Sighting]:
             cure = f"set VISO_SCALE to {scale:.3f}, or correct the source; else correct them."
             yield Sighting.in_track(
                 f"{motion.pose_sender}: the path is {fit.scale:.3f} times as long as velocities of "
-                f"{motion.velocity_sender.name} say (correlation {fit.correlation:.3f})",
+                f"{motion.velocity_sender.name} say (correlation {fit.correlation:.3f}){_like_feet(fit.scale)}",
                 motion,
                 fix=f"If velocities are right, {cure}",
             )
@@ -124,7 +179,7 @@ def position_scale(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting.in_track(
             f"{track.sender}: against the vehicle's own path ({compared.origin}) positions have to be multiplied by "
             f"{found.scale:.3f} +- {found.sigma:.3f} (correlation {found.correlation:.2f}), and VISO_SCALE is "
-            f"{setting:.3g}",
+            f"{setting:.3g}{_like_feet(1 / found.scale)}",
             track,
             fix=f"{cure} VISO_SCALE leaves velocities alone.",
         )

@@ -14,7 +14,15 @@ import numpy as np
 from ap_core.dataflash_columns import LogColumns
 from mav_handlers.handlers import VISION_NAMES
 from mav_handlers.wire.codec import Header
-from mav_handlers.wire.messages import ATTITUDE, GLOBAL_POSITION_INT, SIM_STATE, SIMSTATE, STATUSTEXT, Message
+from mav_handlers.wire.messages import (
+    ATTITUDE,
+    GLOBAL_POSITION_INT,
+    HEARTBEAT,
+    SIM_STATE,
+    SIMSTATE,
+    STATUSTEXT,
+    Message,
+)
 from viso.doctor.evidence.boot_clock import BootClock, boot_clock
 from viso.doctor.evidence.ground_sensors import NO_GROUND_SENSORS, GroundListener, GroundSensors, ground_sensors_in
 from viso.doctor.evidence.own_filter import OwnFilter
@@ -40,6 +48,9 @@ from viso.logs.recorded import read_columns, recorded_states
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, HeardParams, ParamListener, is_autopilot
 from viso.streams.stream import received_in
 from viso.streams.stream_kinds import Stream
+
+_COPTERS: Final = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: what moves by leaning
+_SUBMARINE: Final = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,6 +119,8 @@ class VehicleData:
         is_simulated: whether it flies in a simulator.
         clock: how its clock ran against that of the recording; None if alike.
         ground: the data of flow sensors and range finders, also of companions.
+        is_copter: whether it flies by leaning; False if that is not known.
+        is_submarine: whether it goes below where it starts; False if that is not known.
         are_stamps_steady: whether the clocks of the senders of external navigation run as the recording's.
     """
 
@@ -126,6 +139,8 @@ class VehicleData:
     is_simulated: bool = False
     clock: BootClock | None = None
     ground: GroundSensors = NO_GROUND_SENSORS
+    is_copter: bool = False
+    is_submarine: bool = False
     are_stamps_steady: bool = True
 
     @property
@@ -153,6 +168,8 @@ class VehicleData:
             truth=other.truth or self.truth,
             own_filter=other.own_filter or self.own_filter,
             ground=self.ground.beside(other.ground),
+            is_copter=self.is_copter or other.is_copter,
+            is_submarine=self.is_submarine or other.is_submarine,
         )
 
 
@@ -184,6 +201,7 @@ class _Listener:
         self._filters: defaultdict[int, FilterListener] = defaultdict(FilterListener)
         self._truths: dict[int, list[tuple[float, ...]]] = {}
         self._stamps: dict[Sender, list[tuple[int, int, int]]] = {}
+        self._kinds: dict[int, int] = {}
 
     def take(self, time_us: int, number: int, header: Header, message: Message | None) -> None:
         sender = header.system_id
@@ -196,6 +214,8 @@ class _Listener:
             return
         self._positions[sender].take(time_us, message)
         self._filters[sender].take(time_us, message)
+        if isinstance(message, HEARTBEAT):
+            self._kinds[sender] = message.type
         if self.system_id is None and is_autopilot(header.component_id, message):
             self.system_id = sender
         elif isinstance(message, ATTITUDE):
@@ -235,6 +255,8 @@ class _Listener:
             level=places.level(params),
             truth=truth,
             is_simulated=truth is not None or is_of_simulator(first),
+            is_copter=self._kinds.get(self.system_id) in _COPTERS,
+            is_submarine=self._kinds.get(self.system_id) == _SUBMARINE,
             are_stamps_steady=are_steady,
             clock=boot_clock([row[:2] for row in self._attitudes.get(self.system_id, [])]),
             ground=self._ground.sensors(self.system_id, {**first, **given}, by_rate),
@@ -319,9 +341,13 @@ def vehicle_of_log(path: Path) -> VehicleData:
 def vehicle_in(path: Path, log: LogColumns) -> VehicleData:
     """Return what a DataFlash log that has been read holds of the vehicle."""
     truth = truth_in(log)
+    own_filter = own_filter_in(log)
+    banners = [text for _, text in own_filter.texts]
     data = VehicleData(
+        is_copter=any(text.startswith("ArduCopter V") for text in banners),
+        is_submarine=any(text.startswith("ArduSub V") for text in banners),
         position=position_in(log),
-        own_filter=own_filter_in(log),
+        own_filter=own_filter,
         level=level_in(log),
         ground=ground_sensors_in(log),
         truth=None if truth is None else AttitudeSeries(truth[:, 0].astype(np.int64), np.radians(truth[:, 1:]), "SIM"),

@@ -7,20 +7,25 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
+from mav_handlers.wire.messages import SCALED_PRESSURE
 from tests.places import DATA
-from tests.unit.viso.doctor.made_flights import PARAMS, Floats, Motion, judged, telemetry
+from tests.unit.viso.doctor.made_flights import BOOT_S, PARAMS, Floats, Motion, judged, telemetry
 from viso.doctor import CHECKS, Finding, Severity, diagnose, gather
 from viso.estimators.angles import carriers
+from viso.geometry.rotation import product as product_of
+from viso.geometry.rotation import quats_from_euler
 from viso.streams.stream_kinds import Stream, read_whole_stream
 
 STRANGERS = DATA / "strangers"
+CODES = {"XN2-08", "XN2-11", "XN2-13", "XN5-07"}
 OF_AXES = {"XN2-02", "XN2-06", "XN2-07", "XN2-10", "XN2-12", "XN8-05"}
+ROVER, SUB = 10, 12
 NOISY = Motion(noise_rad=0.005)
 
 
 def found_in(stream: Stream) -> dict[str, Finding]:
     """Return the findings of axes that are worse than notes."""
-    findings = diagnose(judged(stream), [check for check in CHECKS if check.code in OF_AXES])
+    findings = diagnose(judged(stream), [check for check in CHECKS if check.code in OF_AXES | CODES])
     return {one.code: one for one in findings if one.severity is not Severity.NOTE}
 
 
@@ -132,3 +137,72 @@ def test_inverse_quaternion_turns_the_opposite_way() -> None:
     finding = found_in(telemetry("ODOMETRY", NOISY, quats=lambda quats: quats * [1, -1, -1, -1]))["XN2-12"]
     assert "the yaw that is sent turns the opposite way" in finding.evidence
     assert "there send its inverse" in finding.fix
+
+
+def test_centimetres_of_strangers_are_faster_than_a_copter_that_leans_so_little() -> None:
+    finding = found_in_file("centimetres.tlog.gz")["XN5-07"]
+    assert finding.severity is Severity.ERROR
+    assert "58 m/s at a lean of 4 deg" in finding.evidence
+    assert "as centimetres its speed would be 0.58 m/s" in finding.evidence
+
+
+@pytest.mark.parametrize("factor", [100.0, 1000.0])
+def test_positions_that_are_not_metres_are_found(factor: float) -> None:
+    assert "XN5-07" in found_in(telemetry(places=lambda path: path * factor))
+
+
+@pytest.mark.parametrize(
+    "stream",
+    [
+        telemetry(),
+        telemetry(motion=Motion(size_m=30.0, tilt_rad=0.2)),
+        telemetry(motion=Motion(size_m=0.0, tilt_rad=0.0, yaw_rad=0.0)),
+        telemetry(motion=Motion(size_m=60.0, tilt_rad=0.0), vehicle=ROVER),
+    ],
+)
+def test_positions_in_metres_are_left_alone(stream: Stream) -> None:
+    assert CODES & found_in(stream).keys() == set()
+
+
+def test_height_upside_down_is_found_by_the_barometer() -> None:
+    def flight(sign: float) -> Stream:
+        motion = Motion(size_m=20.0)
+        time_s = np.arange(0.0, motion.length_s, 0.2)
+        down_m = motion.places(time_s)[:, 2]
+        pressure = 1000.0 * (1 + down_m / 44330.0) ** (1 / 0.1903)
+        baro = [
+            (at_s, SCALED_PRESSURE(round((BOOT_S + at_s) * 1e3), hpa, 0.0, 2000))
+            for at_s, hpa in zip(time_s.tolist(), pressure.tolist(), strict=True)
+        ]
+        return telemetry(motion=motion, places=lambda path: path * [1, 1, sign], others=baro)
+
+    assert "XN2-08" in found_in(flight(-1.0))
+    assert "XN2-08" not in found_in(flight(1.0))
+
+
+@pytest.mark.parametrize(("vehicle", "is_found"), [(2, True), (SUB, False)])
+def test_take_off_downwards_beside_an_attitude_is_doubted(vehicle: int, is_found: bool) -> None:
+    def place(path: Floats) -> Floats:
+        return np.column_stack((path[:, :2], np.linspace(-1.0, 4.0, len(path)).clip(0)))
+
+    stream = telemetry(motion=Motion(size_m=0.1), places=place, vehicle=vehicle)
+    assert ("XN2-11" in found_in(stream)) == is_found
+
+
+@pytest.mark.parametrize(
+    ("angles", "axis"), [((90.0, 0.0), "y points down"), ((-70.0, 0.0), "y points up"), ((0.0, 100.0), "x points up")]
+)
+def test_body_on_its_side_is_named_where_nothing_else_shows_the_attitude(
+    angles: tuple[float, float], axis: str
+) -> None:
+    roll, pitch = np.radians(angles)
+    turn = quats_from_euler([[roll, pitch, 0.0]])
+    stream = telemetry("ATT_POS_MOCAP", attitude_hz=0.01, quats=lambda quats: product_of(quats, turn))
+    finding = found_in(stream)["XN2-13"]
+    assert axis in finding.evidence
+    assert "--axes" in finding.fix
+    assert "--mounting" in finding.fix
+
+
+def test_body_that_leans_lies_not_on_its_side() -> None:
+    assert "XN2-13" not in found_in(telemetry("ATT_POS_MOCAP", Motion(tilt_rad=1.2), attitude_hz=0.01))
