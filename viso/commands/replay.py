@@ -3,6 +3,7 @@
 """``viso replay``: feed a recorded stream to the vehicle in virtual time."""
 
 import json
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -11,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import typer
 
+from ap_core.verdict import VerdictKind
+from mav_handlers.handlers import VISION_MESSAGES
 from viso.compare.merit import merit_rows
 from viso.compare.outputs import (
     firmware_tables,
@@ -50,7 +53,7 @@ from viso.terminal.ahrs import (
     ImuSeedOption,
     of_stream,
 )
-from viso.terminal.console import err, out, progress, verdict_rows, verdict_table
+from viso.terminal.console import VerdictCounts, err, out, progress, verdict_rows, verdict_table
 from viso.terminal.options import RecordedFirmwareOption, firmware_of
 from viso.terminal.outputs import Output
 from viso.terminal.settings import (
@@ -233,13 +236,24 @@ def replay(
         out.print_json(data={"stream": stream.name, **judged_by.as_dict(), **_as_dict(outcomes[0])})
     else:
         _print_outcome(outcomes[0])
+        if judges[0].basis is not None:
+            out.print(_agreement(judges[0].row(outcomes[0])["log_m"]))
         out.print(str(judged_by))
     if with_filter and (reason := why_nothing_fused(outcomes[-1])):
         err.print(f"note: nothing of external navigation was fused: {reason}")
+    if log is not None and log.is_file() and not log.stat().st_size:
+        raise InputError(f"{log}: nothing was logged, because the vehicle was never armed and LOG_DISARMED is 0")
     if web is not None and recorder is not None:
         from viso.web.live_view import show_recording
 
         show_recording(web, recorder.message(), err.print)
+
+
+def _agreement(log_m: object) -> str:
+    """Return how near the position came to that of the log's own filter, in a sentence."""
+    if not isinstance(log_m, float):
+        return "Agreement with the log's own filter: not known, because the two never knew a position at the same time."
+    return f"Agreement with the log's own filter: positions are {log_m:.3f} m apart (root of the mean square)."
 
 
 def _recorder(name: str) -> "ReplayRecorder":
@@ -332,13 +346,32 @@ def _as_dict(outcome: ReplayOutcome) -> dict[str, object]:
     return result
 
 
+_MOST_ROWS: Final = 3  # that end alike
+
+
+def _summed(verdicts: VerdictCounts) -> VerdictCounts:
+    """Return counts with one row in place of many for what carries no external navigation and ends alike."""
+    of_vision = {kind.__name__ for kind in VISION_MESSAGES}
+    alike: dict[tuple[VerdictKind, str], list[str]] = {}
+    for name, outcome, code in sorted(verdicts):
+        if name not in of_vision:
+            alike.setdefault((outcome, code), []).append(name)
+    summed = Counter[tuple[str, VerdictKind, str]]()
+    for (name, outcome, code), count in verdicts.items():
+        names = alike.get((outcome, code), [])
+        is_one_of_many = name not in of_vision and len(names) > _MOST_ROWS
+        summed[f"{names[0]} and {len(names) - 1} others" if is_one_of_many else name, outcome, code] += count
+    return summed
+
+
 def _print_outcome(outcome: ReplayOutcome) -> None:
     for time_us, severity, text in outcome.texts:
         out.print(f"{time_us / 1e6:9.3f} s  ({severity}) {text}")
+    verdicts = _summed(outcome.verdicts)
     if outcome.innovations is None or outcome.aiding is None:
-        out.print(verdict_table(outcome.verdicts))
+        out.print(verdict_table(verdicts))
         return
-    out.print(*filter_report.tables_of(outcome.verdicts, outcome.filter_counts))
+    out.print(*filter_report.tables_of(verdicts, outcome.filter_counts))
     if outcome.innovations:
         out.print(filter_report.innovation_table(outcome.innovations))
     out.print(filter_report.aiding_table(outcome.aiding))

@@ -76,6 +76,11 @@ def parameters_in(log: LogColumns) -> Iterator[tuple[float, str, float]]:
         yield float(time_us), str(name), float(value)
 
 
+def logs_while_armed_alone(log: LogColumns) -> bool:
+    """Return whether a log holds nothing of a vehicle that is not armed, by its LOG_DISARMED."""
+    return any(name == "LOG_DISARMED" and value == 0 for _, name, value in parameters_in(log))
+
+
 def _prefix(log: LogColumns) -> str:
     """Return which filter the vehicle flew with, of those that the log has records of."""
     has2, has3 = (bool(log.counts.get(prefix + STATUS)) for prefix in (EKF2, EKF3))

@@ -28,7 +28,14 @@ from viso.logs.event_names import (
     EV_SOURCE_SET_1,
     error_text,
 )
-from viso.logs.filter_records import EKF2, FilterRecords, filter_records_in, parameters_in, rows_of
+from viso.logs.filter_records import (
+    EKF2,
+    FilterRecords,
+    filter_records_in,
+    logs_while_armed_alone,
+    parameters_in,
+    rows_of,
+)
 
 _FAILSAFES: Final = (ERR_EKFCHECK, ERR_EKF_FAILSAFE)
 _RATIOS: Final = ("SV", "SP", "SH", "SM")
@@ -90,8 +97,7 @@ def _armed(log: LogColumns, time_us: Ints) -> tuple[tuple[float, float], ...] | 
     start_us, end_us = (int(every_us[0]), int(every_us[-1])) if len(every_us) else (0, 0)
     if states:
         return spans_between(states, start_us, max(end_us, states[-1][0]))
-    while_armed_only = any(name == "LOG_DISARMED" and value == 0 for _, name, value in parameters_in(log))
-    if while_armed_only:
+    if logs_while_armed_alone(log):
         return ((start_us * 1e-6, end_us * 1e-6),)
     return () if log.counts.get("EV") else None
 

@@ -13,7 +13,7 @@ from ap_core.dataflash_columns import LogColumns
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import FIX_3D, USUAL_LAG_S, Array, GpsSample
-from viso.logs.filter_records import rows_of
+from viso.logs.filter_records import logs_while_armed_alone, rows_of
 from viso.vehicle.sensors.flight import (
     Event,
     Happening,
@@ -51,6 +51,8 @@ def _arming(log: LogColumns, begun_us: int) -> Iterator[Event]:
         table, _ = chosen(log, "EV", ["TimeUS", "Id"])
         table = table[np.isin(table[:, 1], (_ARMED, _DISARMED))]
         table[:, 1] = table[:, 1] == _ARMED
+    if not len(table) and logs_while_armed_alone(log):
+        yield Event(begun_us, Happening.ARMED)
     for number, (time_us, armed) in enumerate(table.tolist()):
         if number == 0 and not armed:
             yield Event(begun_us, Happening.ARMED)

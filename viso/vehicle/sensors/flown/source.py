@@ -29,6 +29,8 @@ READERS: Final[Mapping[Basis, Callable[[LogColumns, int], Flight | None]]] = Map
 )
 """What makes a flight of a log and the number of a lane, the best first; None where the log lacks what is needed."""
 
+_OF_MOTION: Final = ("IMU", "ATT", "XKF1", "POS")
+
 
 def lane_in_use(log: LogColumns) -> int:
     """Return the lane by which the vehicle navigated for the longest time while it was armed."""
@@ -48,6 +50,9 @@ def read_flight(path: Path) -> Flight:
         flight = reader(log, lane)
         if flight is not None:
             return flight
+    counts = ", ".join(f"{log.counts[kind]} {kind}" for kind in _OF_MOTION if log.counts.get(kind))
+    if counts:
+        raise InputError(f"{path}: too short to fly: {counts}, and 50 ATT with as many XKF1 or POS are the fewest")
     raise InputError(f"{path}: no motion to fly: neither replay records, nor IMU, nor ATT with XKF1 or POS")
 
 

@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 The viso authors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""viso replay of a log that holds no arming, because nothing is logged before it."""
+
+from pathlib import Path
+
+from tests.places import DATA
+from tests.unit.viso.command_line import Viso
+from viso.vehicle.sensors.flight import Happening
+from viso.vehicle.sensors.flown.source import read_flight
+
+NEVER_ARMED = DATA / "strangers" / "never_armed.BIN.xz"
+
+
+def test_log_of_a_vehicle_that_logs_only_when_armed_begins_armed() -> None:
+    events = read_flight(NEVER_ARMED).events
+    assert events[0].what is Happening.ARMED
+
+
+def test_its_flight_is_flown_armed_and_logged(viso: Viso, tmp_path: Path) -> None:
+    out = tmp_path / "out.BIN"
+    shown = viso("replay", str(NEVER_ARMED), "--imu", "log", "--log", str(out))
+    assert "Agreement with the log's own filter: positions are" in shown.out
+    assert out.stat().st_size > 0
+
+
+def test_log_without_a_byte_is_an_error(viso: Viso, tmp_path: Path) -> None:
+    out = tmp_path / "out.BIN"
+    shown = viso("replay", str(NEVER_ARMED), "--log", str(out))
+    assert shown.code == 2
+    assert "nothing was logged, because the vehicle was never armed and LOG_DISARMED is 0" in shown.err
+
+
+def test_log_that_is_too_short_says_so(viso: Viso) -> None:
+    shown = viso("replay", str(DATA / "strangers" / "clock_35x.BIN.xz"), "--imu", "log")
+    assert "too short to fly: 13 ATT, 26 XKF1" in shown.err
+
+
+def test_messages_that_are_not_the_companions_are_summed_up(viso: Viso) -> None:
+    shown = viso("replay", str(DATA / "strangers" / "pitch_is_yaw.tlog.gz"))
+    assert "ATTITUDE and 6 others" in " ".join(shown.out.split())
+    assert "LOCAL_POSITION_NED" not in shown.out
