@@ -93,15 +93,22 @@ def _outcome(material: Material, facts: Facts) -> str:
 
 def _remarks(material: Material, facts: Facts) -> Iterator[Remark]:
     if not facts.measurements:
-        kind = material.parameter("VISO_TYPE")
-        off = "" if kind is None else f" VISO_TYPE is {kind:g}" + (", which is off." if kind == 0 else ".")
-        wanted = bool(kind) or bool(facts.own.wants_extnav.any())
-        level = Level.BAD if wanted else Level.UNJUDGED
-        yield Remark(level, f"No external navigation reached the autopilot's driver.{off}")
+        yield _without_measurements(material, facts)
     yield from _of_filter(material, facts)
     yield from _of_arming(material)
     yield from _of_stream(facts)
     yield from _of_resets(facts)
+
+
+def _without_measurements(material: Material, facts: Facts) -> Remark:
+    for finding in facts.findings:
+        if finding.code == "XN1-01" and finding.severity is Severity.NOTE:
+            return Remark(Level.UNJUDGED, _as_remark(finding))
+    kind = material.parameter("VISO_TYPE")
+    off = "" if kind is None else f" VISO_TYPE is {kind:g}" + (", which is off." if kind == 0 else ".")
+    wanted = bool(kind) or bool(facts.own.wants_extnav.any())
+    level = Level.BAD if wanted else Level.UNJUDGED
+    return Remark(level, f"No external navigation reached the autopilot's driver.{off}")
 
 
 def _of_filter(material: Material, facts: Facts) -> Iterator[Remark]:

@@ -15,6 +15,7 @@ from viso.doctor.checks.ground_set_up import (
     FLOW_BIT,
     in_records,
     is_in_flight,
+    is_never_armed,
     is_recorded,
     known_param,
     not_heard,
@@ -560,6 +561,9 @@ def flow_rejected(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def flow_not_judged(evidence: Evidence) -> Iterator[Sighting]:
+    if is_never_armed(evidence):
+        for flow in evidence.vehicle.ground.flows:
+            yield Sighting(f"{flow.origin}: quality and gaps: the vehicle is disarmed in the whole recording")
     for fit in evidence.flow_fits:
         if fit.of != "flow":
             continue

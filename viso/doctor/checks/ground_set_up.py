@@ -93,11 +93,23 @@ def above_start_m(evidence: Evidence, time_us: Ints) -> Floats:
     return np.asarray(start - down, dtype=np.float64)
 
 
+def is_flight_known(evidence: Evidence) -> bool:
+    """Return whether the recording tells when the vehicle was armed."""
+    own = evidence.vehicle.own_filter
+    return own is not None and own.armed is not None
+
+
+def is_never_armed(evidence: Evidence) -> bool:
+    """Return whether the vehicle is known to be disarmed all the time."""
+    own = evidence.vehicle.own_filter
+    return own is not None and own.armed == ()
+
+
 def is_in_flight(evidence: Evidence, time_us: Ints) -> Bools:
-    """Return at which times the vehicle was armed and not on the ground, as far as is known."""
+    """Return at which times the vehicle was armed and not on the ground; always, if it is not known whether it armed."""
     own = evidence.vehicle.own_filter
     armed = np.ones(len(time_us), np.bool_)
-    if own is not None and own.armed:
+    if own is not None and own.armed is not None:
         armed = np.zeros(len(time_us), np.bool_)
         for start, end in own.armed:
             armed |= (time_us >= 1e6 * start) & (time_us <= 1e6 * end)

@@ -16,7 +16,9 @@ from viso.doctor.checks.ground_set_up import (
     CTUN_BIT,
     above_start_m,
     in_records,
+    is_flight_known,
     is_in_flight,
+    is_never_armed,
     is_recorded,
     known_param,
     named,
@@ -201,9 +203,10 @@ def range_gaps(evidence: Evidence) -> Iterator[Sighting]:
             longest = max(spans, key=lambda span: span[1] - span[0])
             shown = bad & (finder.time_us >= spans[0][0]) & (finder.time_us <= spans[-1][1])
             how = f" ({_status_text(finder, shown)})" if shown.any() else ""
+            in_flight = " in flight" if is_flight_known(evidence) else " (whether in flight is not recorded)"
             only_high = shown.any() and bool((finder.status[shown] == RangeStatus.TOO_FAR).all()) and not len(gaps)
             yield Sighting(
-                f"{named(finder)}: no good range for more than 0.5 s in flight, {how_often(len(spans))}; the longest "
+                f"{named(finder)}: no good range for more than 0.5 s{in_flight}, {how_often(len(spans))}; the longest "
                 f"time of {1e-6 * (longest[1] - longest[0]):.1f} s from {at(longest[0])} on{how}",
                 start_us=spans[0][0],
                 end_us=spans[-1][1],
@@ -278,6 +281,8 @@ def range_outliers(evidence: Evidence) -> Iterator[Sighting]:
 )
 def range_scale(evidence: Evidence) -> Iterator[Sighting]:
     for finder in _looking_down(evidence):
+        if is_never_armed(evidence):
+            yield Sighting(f"{named(finder)}: gaps: the vehicle is disarmed in the whole recording")
         found = _against_height(evidence, finder)
         if found is None:
             continue
@@ -343,6 +348,8 @@ def range_late(evidence: Evidence) -> Iterator[Sighting]:
 )
 def range_not_judged(evidence: Evidence) -> Iterator[Sighting]:
     for finder in _looking_down(evidence):
+        if is_never_armed(evidence):
+            yield Sighting(f"{named(finder)}: gaps: the vehicle is disarmed in the whole recording")
         found = _against_height(evidence, finder)
         if found is None:
             yield Sighting(

@@ -144,10 +144,9 @@ def rejected_other_sensor(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def sensor_unhealthy(evidence: Evidence) -> Iterator[Sighting]:
-    own = evidence.vehicle.own_filter
-    if own is None or own.vision is None:
+    own, vision = evidence.vehicle.own_filter, evidence.vision_sensor
+    if own is None or vision is None:
         return
-    vision = own.vision
     enabled = vision.present & vision.enabled
     ill = enabled & ~vision.healthy
     if not ill.any():

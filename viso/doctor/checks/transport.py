@@ -15,6 +15,7 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, by_type, listed, share
 from viso.doctor.evidence.evidence import Evidence
+from viso.doctor.evidence.own_filter import aiding_texts
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, are_us
 from viso.doctor.evidence.tracks import Bools, Ints, Track
 from viso.streams.stream_kinds import Aspect
@@ -22,6 +23,19 @@ from viso.streams.stream_kinds import Aspect
 _MOST_ASKING: Final = 3
 _ROUTING: Final = "MAVLink_routing.cpp, MAVLink_routing::check_and_forward"
 _FOR_THE_AUTOPILOT: Final = (SET_GPS_GLOBAL_ORIGIN, COMMAND_LONG, COMMAND_INT, PARAM_SET)
+_NOTE: Final = Severity.NOTE
+_RECORD: Final = (
+    "Nothing on the vehicle. What the messages hold cannot be judged from this recording: give the DataFlash log (.BIN) "
+    "of the flight, or a recording of the link that the companion uses."
+)
+_GIVE_PARAMETERS: Final = (
+    "If it is to use external navigation, give a recording with its parameters (or --defaults FILE.parm), of the link "
+    "that the companion uses."
+)
+_RECORD_OR_SEND: Final = (
+    "Record the link that the companion uses, or give the DataFlash log (.BIN) of the flight, which has what reached "
+    "AP_VisualOdom. If nothing is sent, send ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE."
+)
 _LOST_FIELDS: Final = {
     "VISION_POSITION_ESTIMATE": "covariance and reset_counter",
     "GLOBAL_VISION_POSITION_ESTIMATE": "covariance and reset_counter",
@@ -31,11 +45,34 @@ _LOST_FIELDS: Final = {
 }
 
 
+def reach_signs(evidence: Evidence) -> list[str]:
+    """Return what shows that external navigation reached the autopilot, in sentences; empty if nothing does."""
+    own, sensor, found = evidence.vehicle.own_filter, evidence.vision_sensor, []
+    if own is None:
+        return []
+    if sensor is not None and not evidence.is_sensor_shared:
+        healthy = sensor.enabled & sensor.healthy
+        if healthy.any():
+            since = int(np.argmax(healthy))
+            part = share(int(healthy.sum()), int(sensor.enabled[since:].sum()))
+            first = at(sensor.time_us[since])
+            found.append(f"SYS_STATUS calls the vision sensor healthy in {part} messages from {first} on")
+    said = [(time_us, text) for time_us, by_extnav, text in aiding_texts(own.texts) if by_extnav]
+    if said:
+        found.append(f'the EKF said "{said[0][1]}" at {at(said[0][0])}')
+    if (used_s := float(own.step_s[own.positioned_by_extnav].sum())) > 0:
+        found.append(f"with positions from nothing else the EKF had one for {used_s:.0f} s ({own.record})")
+    return found
+
+
 @check(
     code="XN1-01",
     severity=Severity.ERROR,
     title="No external navigation in the stream",
-    firmware="Nothing reaches AP_VisualOdom; with VISO_TYPE set the vehicle refuses to arm: VisOdom: not healthy.",
+    firmware=(
+        "Without messages AP_VisualOdom has nothing to pass on. With VISO_TYPE set and the vision check of arming on, "
+        "the vehicle then refuses to arm: VisOdom: not healthy."
+    ),
     source="AP_VisualOdom.cpp, AP_VisualOdom::pre_arm_check",
     fix=(
         "Send ODOMETRY, or VISION_POSITION_ESTIMATE with VISION_SPEED_ESTIMATE; check that the recording was made on "
@@ -51,13 +88,32 @@ def no_vision(evidence: Evidence) -> Iterator[Sighting]:
         return
     asked = f"{listed(evidence.requests, _MOST_ASKING)} ask for external navigation, and " if evidence.requests else ""
     if Aspect.LINK in evidence.stream.lacks:
-        yield Sighting(f"{asked}no record of it is there: none came, or what came was dropped before the log")
-        return
-    there = (
-        listed([f"{name} ({count})" for name, count in Counter(evidence.stream.kinds).most_common(5)], 5) or "nothing"
-    )
-    total = sum(evidence.stream.kinds.values())
-    yield Sighting(f"{asked}of {total} messages none is of external navigation; there are {there}")
+        there = "no record of it is in the log"
+    else:
+        kinds = Counter(evidence.stream.kinds)
+        names = listed([f"{name} ({count})" for name, count in kinds.most_common(5)], 5) or "nothing"
+        there = f"of {kinds.total()} messages none is of external navigation; there are {names}"
+    yield _sighting_without_vision(evidence, asked + there)
+
+
+def _sighting_without_vision(evidence: Evidence, there: str) -> Sighting:
+    """Return what it means that no message is recorded: that none came, or that it is not known whether any did."""
+    signs, sensor = reach_signs(evidence), evidence.vision_sensor
+    if signs:
+        return Sighting(
+            f"{there}; but it does reach the autopilot: {'; '.join(signs)}", (), fix=_RECORD, severity=_NOTE
+        )
+    if Aspect.LINK in evidence.stream.lacks:
+        return Sighting(f"{there}: none came, or what came was dropped before the log")
+    if evidence.vehicle.system_id is None:
+        return Sighting(there)
+    if not evidence.requests:
+        text = f"{there}; nothing in the recording tells whether the vehicle is to use it: that is not judged"
+        return Sighting(text, fix=_GIVE_PARAMETERS, severity=_NOTE)
+    if sensor is not None and sensor.enabled.any() and not evidence.is_sensor_shared:
+        return Sighting(f"{there}, and SYS_STATUS calls the vision sensor healthy in none of {len(sensor.time_us)}")
+    text = f"{there}; nothing in the recording tells whether any reaches the autopilot on another link"
+    return Sighting(text, fix=_RECORD_OR_SEND, severity=Severity.WARNING)
 
 
 @check(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ekf_stub.ahrs.sources import EXTNAV, ROWS
 from viso.doctor.evidence.compare import Comparison, PathComparison
 from viso.doctor.evidence.flow_fit import FlowFit
-from viso.doctor.evidence.own_filter import Witness
+from viso.doctor.evidence.own_filter import VisionSensor, Witness
 from viso.doctor.evidence.set_up import SetUp
 from viso.doctor.evidence.stream_data import StreamData
 from viso.doctor.evidence.trial import Trial
@@ -68,10 +68,38 @@ class Evidence:
         return int(self.param("VISO_TYPE"))
 
     @property
+    def vision_sensor(self) -> VisionSensor | None:
+        """The sensor of external navigation in SYS_STATUS; None without SYS_STATUS, or if the bit is another's."""
+        own = self.vehicle.own_filter
+        return None if own is None or self._is_landing_sensor else own.vision
+
+    @property
+    def _is_landing_sensor(self) -> bool:
+        """Whether the vision sensor in SYS_STATUS is that of precision landing alone, for which Copter sets its bit."""
+        known = self.set_up.known
+        kind, lands = known.get("VISO_TYPE"), known.get("PLND_ENABLED")
+        if kind:
+            return False
+        return kind == 0 or self._hears_landing_targets if lands is None else lands != 0
+
+    @property
+    def is_sensor_shared(self) -> bool:
+        """Whether precision landing is on beside external navigation: SYS_STATUS tells the health of both in one bit."""
+        return self.set_up.known.get("PLND_ENABLED", float(self._hears_landing_targets)) != 0
+
+    @property
+    def _hears_landing_targets(self) -> bool:
+        return "LANDING_TARGET" in self.stream.kinds
+
+    @property
     def has_sensor(self) -> bool | None:
-        """Whether SYS_STATUS lists a sensor of external navigation; None without SYS_STATUS."""
-        sensor = None if self.vehicle.own_filter is None else self.vehicle.own_filter.vision
-        return None if sensor is None else bool(sensor.present.any())
+        """Whether SYS_STATUS lists a sensor of external navigation; None where that is not known."""
+        own = self.vehicle.own_filter
+        if own is None or own.vision is None:
+            return None
+        if self._is_landing_sensor:
+            return False if "VISO_TYPE" in self.set_up.known or self.set_up.is_complete else None
+        return bool(own.vision.present.any())
 
     @property
     def requests(self) -> tuple[str, ...]:

@@ -205,6 +205,13 @@ class OwnFilter:
         return np.asarray(self.wants_extnav & has, dtype=np.bool_)
 
     @property
+    def positioned_by_extnav(self) -> Bools:
+        """N, whether it has an absolute position that no other source than external navigation can have given."""
+        velocity = self.sources[:, _ROW_OF[VELOCITY]]
+        alone = self.fed_by_extnav(POSITION) & ((velocity == EXTNAV) | (velocity == SourceXY.NONE))
+        return np.asarray(alone & self.positioned & self._has(int(FilterFlag.HORIZ_POS_ABS)), dtype=np.bool_)
+
+    @property
     def usable(self) -> Bools:
         """N x 4, whether the filter could use a measurement of a channel; not in constant position mode."""
         free = self.running & ~self._has(int(FilterFlag.CONST_POS_MODE))

@@ -99,7 +99,9 @@ def _armed(log: LogColumns, time_us: Ints) -> tuple[tuple[float, float], ...] | 
         return spans_between(states, start_us, max(end_us, states[-1][0]))
     if logs_while_armed_alone(log):
         return ((start_us * 1e-6, end_us * 1e-6),)
-    return () if log.counts.get("EV") else None
+    logs_disarmed = any(name == "LOG_DISARMED" and value != 0 for _, name, value in parameters_in(log))
+    # From the boot on, arming would be there.
+    return () if log.counts.get("EV") or (logs_disarmed and "ARM" in log.types) else None
 
 
 def _sources(log: LogColumns, time_us: Ints, texts: tuple[tuple[int, str], ...], prefix: str) -> Ints:

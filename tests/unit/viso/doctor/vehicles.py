@@ -145,4 +145,4 @@ SET_UPS: Final[Mapping[str, tuple[Mapping[str, float], list[str]]]] = {
     "type, illegal source": ({**READY, "EK3_SRC1_POSZ": 5}, ["XN1-01", "XN7-07"]),
     "type, no yaw": ({**READY, "EK3_SRC1_YAW": 0}, ["XN1-01", "XN7-08"]),
 }
-"""Parameters of a vehicle to which no external navigation came, and all that is to be found, the first one first."""
+"""Parameters of a vehicle to which no external navigation came, and all that is to be found, in the order of codes."""
