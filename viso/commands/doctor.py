@@ -13,6 +13,7 @@ import typer
 from mav_handlers.links import LINKS, open_link
 from viso.dds.poses import PoseTopic, live_topic_of
 from viso.doctor import Evidence, Finding, Severity, VehicleData, all_checks, diagnose, gather
+from viso.doctor.checks.causes import probable_cause
 from viso.doctor.evidence.live import heard_on_link, heard_on_topic, stream_of_topic
 from viso.doctor.evidence.vehicle_data import vehicle_of_log
 from viso.doctor.output.machine_formats import as_json, as_junit, as_sarif
@@ -209,7 +210,11 @@ def _vehicle_of(log: Path | None, source: Path) -> VehicleData:
 def _print(evidence: Evidence, findings: list[Finding]) -> None:
     for note in evidence.notes:
         err.print(f"note: {note}")
-    for finding in findings:
+    cause = probable_cause(findings)
+    if cause is not None:
+        out.print(f"probable cause: {cause}\n", soft_wrap=True)
+    first = [] if cause is None else [cause.finding]
+    for finding in [*first, *(one for one in findings if one not in first)]:
         for line in finding_lines(finding, out.width if out.is_terminal else None):
             out.print(line)
     summary = summarise(evidence)

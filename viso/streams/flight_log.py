@@ -49,6 +49,14 @@ _CORRECTED: Final = "CTimeMS"  # firmware of 3.6 does not log it, and logs angle
 _FOLLOWED: Final = ("VISO_", "EK3_")
 _MAX_STAMP: Final = (1 << 64) - 1
 _MAX_MS: Final = (1 << 32) - 1
+_RECORDS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "ODOMETRY": "VISP and VISV",
+        "VISION_POSITION_ESTIMATE": "VISP",
+        "VISION_SPEED_ESTIMATE": "VISV",
+        "VISION_POSITION_DELTA": "VISO",
+    }
+)
 
 
 @dataclass(slots=True)
@@ -232,6 +240,7 @@ def read_flight_log(path: Path, *, may_be_empty: bool = False) -> Stream:
         notes=notes,
         lacks=frozenset({Aspect.LINK}),
         flown=content.flown,
+        called=_RECORDS,
     )
 
 

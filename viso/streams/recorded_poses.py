@@ -10,11 +10,13 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mav_handlers.handlers import VISION_NAMES
 from mav_handlers.wire.codec import Codec
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.errors import InputError, as_input_errors
@@ -37,6 +39,8 @@ _LONGEST_GAP_US: Final = 3_600_000_000
 _USUAL_US: Final = 33_333
 _QUICKEST_US, _SLOWEST_US = 1_000, 2_000_000
 _QUALITY: Final = 100
+_CALLED: Final = MappingProxyType({name: name for name in VISION_NAMES})
+"""A trajectory names no sender."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +188,7 @@ def as_recorded(records: Records, lead_us: int, axes: str, form: str | None = No
     notes = [f"{source}: {count} with {reason}" for reason, count in records.left_out.items()]
     what = "poses and velocities" if moves else "poses, no velocities"
     notes.append(f"{source}: {what}; taken as {axes} (--axes), sent as {chosen} (--as)")
-    return Stream(source, messages, notes=tuple(notes), lacks=_lacks(records))
+    return Stream(source, messages, notes=tuple(notes), lacks=_lacks(records), called=_CALLED)
 
 
 def check_form(form: str | None) -> None:

@@ -42,7 +42,8 @@ class Stream:
     ``shared_arrival`` tells that messages with the same arrival time were waiting together, and that one which made no
     record carries its predecessor's time. ``params`` are the vehicle's as far as they were recorded, ``baud`` the rate
     of the UART that delivered the stream, ``notes`` what the recording cannot tell, a line each. ``lacks`` is what of
-    its messages was made up, because the recording does not hold it. ``flown`` is the release that flew, if it tells.
+    its messages was made up, because the recording does not hold it. ``called`` is what it holds instead of messages,
+    by the name of the message that was made of it. ``flown`` is the release that flew, if it tells.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Stream:
     notes: tuple[str, ...] = ()
     lacks: frozenset[Aspect] = frozenset()
     flown: FlownVersion | None = None
+    called: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def begins_us(self) -> int:

@@ -24,6 +24,11 @@ from viso.geometry.rotation import euler_from_quats
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _GPS: Final = 3
+_BY_EXTNAV: Final = "is using external nav data"
+_YAW_BY_STREAM: Final = (
+    "Rotate the stream's frame to north in the sender, if north matters, as beside a GPS; EK3_SRC1_YAW is 6 already, "
+    "so the vehicle's yaw should be the stream's: look why the filter does not follow it (XN9-10, yaw)."
+)
 _NEVER_US: Final = 1 << 62
 
 
@@ -106,13 +111,25 @@ def _mean_angle(angles: Floats) -> tuple[float, float]:
     witness=Witness.LOG,
 )
 def rotated_frame(evidence: Evidence) -> Iterator[Sighting]:
-    by_north = _GPS in (evidence.source("POSXY"), evidence.source("VELXY"))
-    severity = Severity.NOTE if evidence.source("YAW") == EXTNAV and not by_north else None
-    for poses, _, sent, vehicle in _beside_vehicle(evidence) if evidence.viso_type == 1 else ():
-        mean, spread = _mean_angle(sent[:, 2] - vehicle[:, 2])
+    by_north, by_stream = _GPS in (evidence.source("POSXY"), evidence.source("VELXY")), evidence.source("YAW") == EXTNAV
+    severity = Severity.NOTE if by_stream and not by_north else None
+    for poses, chosen, sent, vehicle in _beside_vehicle(evidence) if evidence.viso_type == 1 else ():
+        aligned = poses.track.arrival_us[chosen] >= (_yaw_taken_us(evidence) if by_stream else 0)
+        if np.count_nonzero(aligned) < FEWEST_MESSAGES:
+            continue
+        mean, spread = _mean_angle((sent[:, 2] - vehicle[:, 2])[aligned])
         if abs(mean) > limits.ATTITUDE_OFF_RAD and spread < limits.ATTITUDE_OFF_RAD:
             text = f"{poses.track.sender}: its yaw is {math.degrees(mean):.0f} deg from the vehicle's own"
-            yield Sighting.in_track(text, poses.track, severity=severity)
+            fix = _YAW_BY_STREAM if by_stream else None
+            yield Sighting.in_track(text, poses.track, chosen[aligned], fix, severity)
+
+
+def _yaw_taken_us(evidence: Evidence) -> int:
+    """Return when the vehicle's filter took its yaw from the stream, by its own words; 0 if they are not known."""
+    own = evidence.vehicle.own_filter
+    texts = () if own is None else own.texts
+    taken = (time_us for time_us, text in texts if text.endswith((" yaw aligned", _BY_EXTNAV)))
+    return next(taken, 0)
 
 
 def _apart(poses: Poses, chosen: Ints, mask: Bools, text: str, severity: Severity | None = None) -> Sighting:

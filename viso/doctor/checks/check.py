@@ -4,7 +4,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -20,6 +20,14 @@ if TYPE_CHECKING:
     from viso.doctor.evidence.tracks import HandledMessage, Track
 
 NUMBERS_SHOWN: Final = 5
+_MOST_NAMED: Final = 3
+_BEFORE_SOURCES: Final = (
+    " This release has no EK3_SRC parameters: there EK2_GPS_TYPE 3 keeps GPS out, so that positions come from external "
+    "navigation, EK2_ALT_SOURCE 4 takes its height, and COMPASS_USE 0 its yaw; or fly 4.1 or later."
+)
+_WITHOUT_VISUAL_ODOMETRY: Final = (
+    " This build has no visual odometry, and so no VISO_ parameters: flash one that has it first."
+)
 
 Find = Callable[["Evidence"], Iterable["Sighting"]]
 
@@ -98,6 +106,8 @@ class Check:
         firmware: what the autopilot does about it, in a sentence or two.
         source: where in the firmware that is decided: file and function.
         fix: what to change.
+        leads_to: beginnings of the codes that may explain it, if it is only a symptom; they are named in its advice.
+        alone: the advice if none of them is found.
         witness: what it rests on; LOG stands for telemetry as well, where that is what the vehicle left.
         needs: what a recording must hold; if it lacks any of it, the check does not run.
     """
@@ -111,6 +121,8 @@ class Check:
     fix: str
     witness: Witness = Witness.STREAM
     needs: AbstractSet[Aspect] = frozenset()
+    leads_to: tuple[str, ...] = ()
+    alone: str = ""
 
     @property
     def family(self) -> str:
@@ -128,6 +140,8 @@ def check(
     fix: str,
     witness: Witness = Witness.STREAM,
     needs: AbstractSet[Aspect] = frozenset(),
+    leads_to: tuple[str, ...] = (),
+    alone: str = "",
 ) -> Callable[[Find], Check]:
     """Make a check of the function below it; the arguments are those of ``Check``."""
     return partial(
@@ -140,6 +154,8 @@ def check(
         fix=fix,
         witness=witness,
         needs=frozenset(needs),
+        leads_to=leads_to,
+        alone=alone,
     )
 
 
@@ -180,18 +196,45 @@ class Finding:
 
 
 def diagnose(evidence: "Evidence", checks: Iterable[Check]) -> list[Finding]:
-    """Return what checks find, worst first, then by code.
+    """Return what checks find, worst first, then by code, with advice that fits the vehicle and the other findings.
 
     A check does not run if the recording lacks what it needs.
     """
     with np.errstate(all="ignore"):  # streams hold NaN and infinity
-        findings = [
-            _finding(check, sighting, evidence.vehicle_witness)
+        pairs = [
+            (check, _finding(check, sighting, evidence.vehicle_witness))
             for check in checks
             if check.needs.isdisjoint(evidence.stream.lacks)
             for sighting in check.find(evidence)
         ]
-    return sorted(findings, key=lambda finding: (finding.severity.rank, finding.code))
+    pairs.sort(key=lambda pair: (pair[1].severity.rank, pair[1].code))
+    findings = [finding for _, finding in pairs]
+    obstacle = _obstacle(evidence)
+    return [replace(finding, fix=_advice(check, finding, findings) + obstacle(finding)) for check, finding in pairs]
+
+
+def _advice(check: Check, finding: Finding, findings: Sequence[Finding]) -> str:
+    """Return what to do, which names the findings that explain a symptom."""
+    if not check.leads_to or finding.fix != check.fix:
+        return finding.fix
+    others = {
+        one.code: one.title
+        for one in findings
+        if one.code != finding.code and one.severity.at_least(Severity.WARNING) and one.code.startswith(check.leads_to)
+    }
+    named = [f"{code} ({title})" for code, title in others.items()]
+    return f"Look first at {' and '.join(named[:_MOST_NAMED])}." if named else check.alone
+
+
+def _obstacle(evidence: "Evidence") -> Callable[[Finding], str]:
+    """Return what tells why advice cannot be followed as it is on the release or build of the vehicle, and what can."""
+    set_up, name, instead = evidence.set_up, "", ""
+    flown = set_up.judged_by.stands_for
+    if flown is not None and not flown.has_sources:
+        name, instead = "EK3_SRC", _BEFORE_SOURCES
+    elif set_up.lacks_visual_odometry:
+        name, instead = "VISO_", _WITHOUT_VISUAL_ODOMETRY
+    return lambda finding: instead if name and name in finding.fix else ""
 
 
 def _finding(check: Check, sighting: Sighting, vehicle: Witness) -> Finding:

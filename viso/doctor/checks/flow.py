@@ -529,6 +529,8 @@ def flow_without_range(evidence: Evidence) -> Iterator[Sighting]:
     ),
     source=_FUSE,
     fix="See the findings about scale, axes, delay and ranges; a shiny or moving ground is rejected as well.",
+    leads_to=("XNF", "XNR"),
+    alone="Look at the ground: a shiny or moving one is rejected as well. Else record FLOW_RATE and IMU beside it.",
     witness=Witness.LOG,
 )
 def flow_rejected(evidence: Evidence) -> Iterator[Sighting]:

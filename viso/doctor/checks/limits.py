@@ -233,9 +233,6 @@ FAILED_SHARE: Final = 0.1
 
 FLAT_MOVED_M: Final = 0.3
 """A z that never changes while x and y change by more is not measured."""
-FEWEST_OF_WHOLE_LIST: Final = 300
-"""No ArduPilot vehicle has fewer parameters."""
-
 # XN8: alignment, and motion against the vehicle's.
 
 YAW_FAR_OFF_RAD: Final = math.radians(20)

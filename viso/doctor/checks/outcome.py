@@ -14,6 +14,7 @@ from ekf_stub.ahrs.sources import EXTNAV
 from ekf_stub.inputs.ingest_rules import OVERWRITTEN, SUPERSEDED
 from ekf_stub.reports import AidingMode
 from viso.doctor.checks import limits
+from viso.doctor.checks.causes import CONTENT
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often, share
 from viso.doctor.checks.resets import jumps_in
@@ -21,6 +22,7 @@ from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import CHANNELS, HEIGHT, POSITION, VELOCITY, YAW, OwnFilter, Witness
 from viso.doctor.evidence.sender_clock import time_base_us
 from viso.doctor.evidence.tracks import Floats, HandledMessage
+from viso.explain.texts import all_texts, texts_like
 from viso.vehicle.outcomes import UNITS, AidingSpan, OutcomeKind, outcome_kind
 
 _CONTROL: Final = "AP_NavEKF3_Control.cpp, NavEKF3_core::setAidingMode"
@@ -107,6 +109,8 @@ def would_aid(evidence: Evidence) -> Iterator[Sighting]:
     source=_CONTROL,
     fix="See the other findings; the filter needs poses with EK3_SRC1_POSXY 6, and a source of yaw.",
     witness=Witness.MODEL,
+    leads_to=("XN1", "XN2", "XN3", "XN5", "XN7", "XN8"),
+    alone="Give the filter poses with EK3_SRC1_POSXY 6, a source of yaw, and 15 s after boot.",
 )
 def would_never_aid(evidence: Evidence) -> Iterator[Sighting]:
     accepted = _accepted(evidence)
@@ -135,6 +139,8 @@ def would_never_aid(evidence: Evidence) -> Iterator[Sighting]:
     source=_CONTROL,
     fix="See the findings about gaps, jumps and sources.",
     witness=Witness.MODEL,
+    leads_to=("XN4", *CONTENT, "XN7"),
+    alone="Record the same with LOG_DISARMED 1, and look at XKF4 before that time.",
 )
 def would_stop_aiding(evidence: Evidence) -> Iterator[Sighting]:
     stops = [
@@ -174,6 +180,11 @@ def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[Handl
         "YAW_I_GATE."
     ),
     witness=Witness.MODEL,
+    leads_to=CONTENT,
+    alone=(
+        "Nothing in the stream explains it, so the model may be wrong about the vehicle's motion: give the vehicle's "
+        "log of the same flight (--attitude LOG.BIN). Gates are EK3_POS_I_GATE, VEL_I_GATE, HGT_I_GATE and YAW_I_GATE."
+    ),
 )
 def would_reject(evidence: Evidence) -> Iterator[Sighting]:
     for kind, tested, messages in _rejected_by_kind(evidence):
@@ -281,7 +292,7 @@ def would_lose_samples(evidence: Evidence) -> Iterator[Sighting]:
     title="Your autopilot said so itself",
     firmware="A text of the autopilot in the stream, not of the model.",
     source="GCS_MAVLink/GCS.cpp, GCS::send_textv",
-    fix="See the findings that belong to it.",
+    fix="See the index of texts: viso explain and the text.",
     witness=Witness.LOG,
 )
 def autopilot_texts(evidence: Evidence) -> Iterator[Sighting]:
@@ -300,4 +311,6 @@ def autopilot_texts(evidence: Evidence) -> Iterator[Sighting]:
     for text, count in Counter(text for _, text in texts).most_common(_MOST_TEXTS):
         time_us = next(when for when, what in texts if what == text)
         more = "" if count == 1 else f", {count} times"
-        yield Sighting(f'at {at(time_us)} your autopilot said "{text}"{more}', start_us=time_us)
+        known = [one.fix for _, one in texts_like(text)] if any(one.fits(text) for _, one in all_texts()) else []
+        fix = f"{known[0][0].upper()}{known[0][1:]}." if known else None
+        yield Sighting(f'at {at(time_us)} your autopilot said "{text}"{more}', start_us=time_us, fix=fix)

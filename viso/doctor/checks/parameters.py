@@ -40,7 +40,7 @@ _EKF2: Final = 2
 def visual_odometry_off(evidence: Evidence) -> Iterator[Sighting]:
     found = [message for message in evidence.stream.vision if message.verdict is DISABLED]
     is_0, fix, known = "VISO_TYPE is 0", None, evidence.set_up.known
-    if evidence.set_up.is_complete and len(known) > limits.FEWEST_OF_WHOLE_LIST and "VISO_TYPE" not in known:
+    if evidence.set_up.lacks_visual_odometry:
         is_0 = f"VISO_TYPE is not among the {len(known)} parameters: this build has no visual odometry"
         fix = "Flash a build of the firmware that has it; the smallest boards have none unless it is built for them."
     if found:

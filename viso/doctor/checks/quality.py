@@ -120,7 +120,7 @@ def tracking_failed(evidence: Evidence) -> Iterator[Sighting]:
     firmware="0 passes a VISO_QUAL_MIN of 0; the gate has no effect.",
     source=_GATE,
     fix="Fill in quality, 1 to 100, and -1 while tracking is lost; MAVROS leaves it at 0.",
-    needs={Aspect.QUALITY},
+    needs={Aspect.QUALITY, Aspect.LINK},  # a log does not name the message, and others carry no quality
 )
 def quality_never_sent(evidence: Evidence) -> Iterator[Sighting]:
     odometry = _odometry(evidence)

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from viso.doctor.checks import limits
+from viso.doctor.checks.causes import CONTENT
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often, share
 from viso.doctor.evidence.evidence import Evidence
@@ -104,6 +105,11 @@ def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, st
         "frames, axes, yaw, scale, delay and jumps."
     ),
     witness=Witness.LOG,
+    leads_to=(*CONTENT, "XN4"),
+    alone=(
+        "Compare XKF3 (innovations) with VISP at that time: the stream contradicts the vehicle's other sensors. One "
+        "that is right in itself may come late (VISO_DELAY_MS), or be rotated against the compass."
+    ),
 )
 def rejected_extnav(evidence: Evidence) -> Iterator[Sighting]:
     for ratio, text in _over_one(evidence, by_extnav=True):
@@ -187,6 +193,8 @@ def sensor_unhealthy(evidence: Evidence) -> Iterator[Sighting]:
     source=_CHECK,
     fix="See what the filter rejected or lost just before.",
     witness=Witness.LOG,
+    leads_to=("XN9-10", "XN9-11", "XN9-16", "XN4", *CONTENT, "XN7"),
+    alone="Look at the test ratios (XKF4, EKF_STATUS_REPORT) in the second before: which rose first?",
 )
 def ekf_check_acted(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.vehicle.own_filter
@@ -291,6 +299,8 @@ def _stops_text(stops: list[int]) -> str:
     source=_CONTROL,
     fix="See the findings about gaps, rejected samples and sources.",
     witness=Witness.LOG,
+    leads_to=("XN4", "XN9-10", *CONTENT, "XN7"),
+    alone="Look whether messages still came then (VISP in the log), and were rejected (XKF4), or stopped.",
 )
 def lost_extnav(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.vehicle.own_filter

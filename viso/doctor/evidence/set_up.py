@@ -17,6 +17,8 @@ from viso.firmware.releases import Firmware
 from viso.streams.stream import message_id_of
 from viso.streams.stream_kinds import Stream
 
+FEWEST_OF_WHOLE_LIST: Final = 300
+"""No ArduPilot vehicle has fewer parameters."""
 _BARO = 1
 _COMPASS = 1
 _NONE = 0
@@ -75,6 +77,12 @@ class SetUp:
     def firmware(self) -> Firmware:
         """The release that the vehicle of the trial is."""
         return self.judged_by.firmware
+
+    @property
+    def lacks_visual_odometry(self) -> bool:
+        """Whether a whole list of parameters has none of visual odometry: the build was made without it."""
+        is_whole = self.is_complete and len(self.known) > FEWEST_OF_WHOLE_LIST
+        return is_whole and "VISO_TYPE" not in self.known
 
     @property
     def params(self) -> dict[str, float]:

@@ -77,13 +77,13 @@ class StreamData:
 def stream_data(stream: Stream, messages: tuple[HandledMessage, ...]) -> StreamData:
     """Return a stream's data, with its messages as the autopilot handled them."""
     vision = vision_of(messages)
-    poses, velocities = pose_tracks(vision), velocity_tracks(vision)
+    poses, velocities = pose_tracks(vision, stream.called), velocity_tracks(vision, stream.called)
     arrivals_us = [message.arrival_us for message in stream.messages[-1:] if message.arrival_us is not None]
     return StreamData(
         name=stream.name,
         messages=messages,
         vision=vision,
-        tracks=stamped_tracks(vision),
+        tracks=stamped_tracks(vision, stream.called),
         poses=poses,
         velocities=velocities,
         motions=motions_of(poses, velocities),

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Messages as the autopilot handled them, and the contents of a sender's messages of one type as arrays."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -37,6 +38,10 @@ POSE_TYPES: Final = (
 VELOCITY_TYPES: Final = (VISION_SPEED_ESTIMATE, ODOMETRY)
 STAMPED_TYPES: Final = (*POSE_TYPES, VISION_SPEED_ESTIMATE)
 _EULER_TYPES: Final = (VISION_POSITION_ESTIMATE, GLOBAL_VISION_POSITION_ESTIMATE, VICON_POSITION_ESTIMATE)
+Called = Mapping[str, str]
+"""What a recording without names of messages holds of each, by the name of the message made of it."""
+
+NAMED: Final[Called] = MappingProxyType({})
 _MOST_US: Final = 1 << 62
 
 
@@ -88,14 +93,18 @@ class HandledMessage:
 
 @dataclass(frozen=True, slots=True)
 class Sender:
-    """The sender of one type of messages: the ids of system and component, and the messages' name."""
+    """The sender of one type of messages: the ids of system and component, and the messages' name.
+
+    ``called`` is what the recording holds of the messages, if it has neither ids nor names.
+    """
 
     system_id: int
     component_id: int
     name: str
+    called: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} from {self.system_id}/{self.component_id}"
+        return self.called or f"{self.name} from {self.system_id}/{self.component_id}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,18 +201,22 @@ def _track(sender: Sender, handled: Sequence[HandledMessage]) -> Track:
     )
 
 
-def grouped(messages: Sequence[HandledMessage], types: tuple[type, ...]) -> dict[Sender, list[HandledMessage]]:
+def grouped(
+    messages: Sequence[HandledMessage], types: tuple[type, ...], called: Called = NAMED
+) -> dict[Sender, list[HandledMessage]]:
     """Return messages of some types by sender, in order of first appearance."""
     groups: dict[Sender, list[HandledMessage]] = {}
     for message in messages:
         if isinstance(message.message, types):
-            groups.setdefault(Sender(message.system_id, message.component_id, message.name), []).append(message)
+            name = message.name
+            sender = Sender(message.system_id, message.component_id, name, called.get(name, ""))
+            groups.setdefault(sender, []).append(message)
     return groups
 
 
-def stamped_tracks(messages: Sequence[HandledMessage]) -> tuple[Track, ...]:
+def stamped_tracks(messages: Sequence[HandledMessage], called: Called = NAMED) -> tuple[Track, ...]:
     """Return the tracks of all messages whose stamps the autopilot reads."""
-    return tuple(_track(sender, handled) for sender, handled in grouped(messages, STAMPED_TYPES).items())
+    return tuple(_track(sender, handled) for sender, handled in grouped(messages, STAMPED_TYPES, called).items())
 
 
 def reordered(quat_wxyz: Floats) -> Floats:
@@ -245,9 +258,9 @@ def _poses(sender: Sender, handled: Sequence[HandledMessage]) -> Poses:
     )
 
 
-def pose_tracks(messages: Sequence[HandledMessage]) -> tuple[Poses, ...]:
+def pose_tracks(messages: Sequence[HandledMessage], called: Called = NAMED) -> tuple[Poses, ...]:
     """Return the poses of each sender and type of message."""
-    return tuple(_poses(sender, handled) for sender, handled in grouped(messages, POSE_TYPES).items())
+    return tuple(_poses(sender, handled) for sender, handled in grouped(messages, POSE_TYPES, called).items())
 
 
 def _velocities(sender: Sender, handled: Sequence[HandledMessage]) -> Velocities:
@@ -262,9 +275,9 @@ def _velocities(sender: Sender, handled: Sequence[HandledMessage]) -> Velocities
     return Velocities(_track(sender, handled), sent, used)
 
 
-def velocity_tracks(messages: Sequence[HandledMessage]) -> tuple[Velocities, ...]:
+def velocity_tracks(messages: Sequence[HandledMessage], called: Called = NAMED) -> tuple[Velocities, ...]:
     """Return the velocities of each sender and type of message."""
-    return tuple(_velocities(sender, handled) for sender, handled in grouped(messages, VELOCITY_TYPES).items())
+    return tuple(_velocities(sender, handled) for sender, handled in grouped(messages, VELOCITY_TYPES, called).items())
 
 
 def median_of(values: Floats) -> float:

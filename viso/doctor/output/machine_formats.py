@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 from urllib.parse import quote
 
+from viso.doctor.checks.causes import probable_cause
 from viso.doctor.checks.check import Check, Finding, Severity
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.output.summary import Summary
@@ -19,10 +20,12 @@ _NUMBERS_IN_SARIF: Final = 100
 
 def as_json(evidence: Evidence, summary: Summary, findings: Sequence[Finding]) -> dict[str, object]:
     """Return evidence, summary and findings as JSON has them."""
+    cause = probable_cause(findings)
     return {
         "stream": evidence.stream.name,
         **evidence.set_up.judged_by.as_dict(),
         "findings": [finding.as_dict() for finding in findings],
+        "probable_cause": None if cause is None else cause.as_dict(),
         "summary": summary.as_dict(),
         "assumed": {parameter.name: parameter.value for parameter in evidence.set_up.assumed},
         "notes": list(evidence.notes),
