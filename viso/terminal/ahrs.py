@@ -17,7 +17,7 @@ from viso.vehicle.sensors.source import ImuOptions
 AhrsOption = Annotated[
     Path | None,
     typer.Option(
-        help="Follow this log (.BIN, packed or not): the filter over its replay records, else its attitude and position.",
+        help="Follow this log (.BIN, also packed): the filter over its replay records, else its attitude and position.",
         metavar="LOG",
     ),
 ]

@@ -25,8 +25,8 @@ _ROUTING: Final = "MAVLink_routing.cpp, MAVLink_routing::check_and_forward"
 _FOR_THE_AUTOPILOT: Final = (SET_GPS_GLOBAL_ORIGIN, COMMAND_LONG, COMMAND_INT, PARAM_SET)
 _NOTE: Final = Severity.NOTE
 _RECORD: Final = (
-    "Nothing on the vehicle. What the messages hold cannot be judged from this recording: give the DataFlash log (.BIN) "
-    "of the flight, or a recording of the link that the companion uses."
+    "Nothing on the vehicle. What the messages hold cannot be judged from this recording: give the DataFlash log "
+    "(.BIN) of the flight, or a recording of the link that the companion uses."
 )
 _GIVE_PARAMETERS: Final = (
     "If it is to use external navigation, give a recording with its parameters (or --defaults FILE.parm), of the link "

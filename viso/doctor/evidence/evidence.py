@@ -84,7 +84,7 @@ class Evidence:
 
     @property
     def is_sensor_shared(self) -> bool:
-        """Whether precision landing is on beside external navigation: SYS_STATUS tells the health of both in one bit."""
+        """Whether precision landing is on as well: one bit of SYS_STATUS tells the health of both."""
         return self.set_up.known.get("PLND_ENABLED", float(self._hears_landing_targets)) != 0
 
     @property
