@@ -70,7 +70,7 @@ def test_assignment_to_an_unknown_parameter_is_refused() -> None:
 
 
 def test_parameter_of_what_is_left_out_is_refused_with_the_reason() -> None:
-    with pytest.raises(InputError, match="unknown parameter BCN_TYPE: range beacons are not fused here$"):
+    with pytest.raises(InputError, match=r"unknown parameter BCN_TYPE: range beacons are not fused here$"):
         load_settings([], ["BCN_TYPE=1"], links=1)
 
 
