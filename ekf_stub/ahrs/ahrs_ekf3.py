@@ -301,8 +301,8 @@ class Ekf3Ahrs(AhrsBase):
         self._report_outcomes()
         cores.log_pass(now_us)
         self._follow_primary(cores)
-        if self._origin is None:
-            self._origin = cores.lanes.origin
+        if self._origin is None and cores.lanes.origin is not None:
+            self._note_origin(cores.lanes.origin)
 
     def _report_outcomes(self) -> None:
         """Count and report the outcomes of samples; of several cores those of the primary one."""
@@ -557,6 +557,10 @@ class Ekf3Ahrs(AhrsBase):
 
     # Requests of the vehicle
 
+    def _note_origin(self, origin: Location) -> None:
+        self._origin = origin
+        self.source.stand_at(origin)
+
     def set_origin(self, origin: Location) -> bool:
         """Set the origin, once, and not before the estimator runs; return whether it was set."""
         core = self.core
@@ -564,7 +568,7 @@ class Ekf3Ahrs(AhrsBase):
         if self._origin is not None or self.cores is None or is_early:
             return False
         self._log.origin(origin)
-        self._origin = origin
+        self._note_origin(origin)
         self.cores.lanes.set_origin(origin)
         self.cores.send_texts()
         return self._has_origin()

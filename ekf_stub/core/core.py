@@ -16,6 +16,7 @@ import math
 from typing import Final, final
 
 from ap_core.location import Location
+from ap_core.vector3 import Vector3f
 from ekf_stub.core import events as ev
 from ekf_stub.core.aiding import ABSOLUTE, NO_AIDING, RELATIVE, Aiding, Ready, Vehicle
 from ekf_stub.core.compass import CompassReader
@@ -547,7 +548,6 @@ class Core:
             self.flow_reading.note_turn(state.turn_of(step, dt_ekf_avg), step.del_ang_dt)
         is_moved = self._fuses_rest and not self.stillness.is_still
         state.predict(step, dt_ekf_avg, self.aiding.mode != NO_AIDING, self.vehicle.on_ground, is_moved)
-        self.yaw.field.constrain()
         self.gps.note_motion(state.rotation, step)
         self.height.terrain.constrain()
         self.yaw.by_gps.predict(step)
@@ -558,10 +558,7 @@ class Core:
             self._baro_ms = inputs.baro_ms
             time_ms = (self._baro_ms - int(self._params.HGT_DELAY) - HALF_FILTER_STEP_MS) & U32
             self.height.baro.push(BaroSample(later_ms(time_ms, self.ext_nav.horizon_ms), inputs.baro_height))
-        has_table = self.origin is not None and not math.isnan(inputs.place_declination)
-        field.declination = inputs.place_declination if has_table else inputs.declination
-        if inputs.has_place_field and self.origin is not None:
-            field.use_table(inputs.place_field)
+        field.compass_declination = inputs.declination if self.yaw.uses_compass else 0.0
 
     def _fuse(self, now_ms: int, step: Inertial) -> None:
         """Fuse what came due."""
@@ -598,6 +595,8 @@ class Core:
         self.yaw.check_compass(now_ms, self.vehicle)
         if gps.checks.good and self.origin is None:
             self._set_origin_by_gps(sample.location)
+        if gps.checks.good and not self.yaw.field.has_table and self._may_use_table():
+            self.yaw.field.use_table(sample.location)
         if self.origin is not None:
             height = self._origin_height
             reference_m = CENTI * height.alt_cm if self._corrects_measurements() else height.reference_m
@@ -607,6 +606,7 @@ class Core:
         """Put the origin where the vehicle is, in flight at the height from which it has climbed."""
         climbed_cm = int(100.0 * self.state.pos[2]) if self.vehicle.in_flight else 0
         self.set_origin(Location(place.lat, place.lng, place.alt_cm + climbed_cm))
+        self.yaw.field.align_declination()
         self._origin_height.reference_m = CENTI * place.alt_cm + self.output.now.pos[2]
         self._origin_height.variance = square(self.gps.height_accuracy)
 
@@ -667,6 +667,9 @@ class Core:
             self._origin_moved_ms = now_ms
             if self.origin is not None and is_using_position:
                 self.height.terrain.move_origin()
+                if self.yaw.field.has_table:
+                    north, east, _ = self.state.pos
+                    self.yaw.field.look_up(self.origin.offset(Vector3f(north, east, 0.0)))
 
     def timeouts(self, now_ms: int) -> int:
         """Return the bits of XKF4.TS; airspeed and drag are always lost, the latter 5 s after boot."""
@@ -751,8 +754,18 @@ class Core:
         self._origin_height.put(origin.alt_cm)
         if self.initialised:
             self._set_earth_rate(self.state, origin.lat)
+            self.yaw.field.align_declination()
+            if self._may_use_table():
+                self.yaw.field.use_table(origin)
         self.events.say(ev.ORIGIN_SET)
         return True
+
+    def _may_use_table(self) -> bool:
+        """Return whether the earth's field may come from the table: of a compass with a scale (COMPASS_AUTODEC)."""
+        compass = self.yaw.compass
+        compasses, number = self.inputs.compasses, compass.number
+        has_scale = number < len(compasses.readings) and compasses.readings[number].has_scale
+        return has_scale and compasses.finds_declination
 
     def set_place(self, place: Location, accuracy_m: float, time_ms: int) -> bool:
         """Put the vehicle somewhere while it navigates without a position; say whether it was (setLatLng).

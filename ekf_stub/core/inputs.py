@@ -33,14 +33,24 @@ class CompassReading:
         offsets: those that have been taken from it, mGauss.
         is_healthy: whether it works.
         is_used: whether it may be used for yaw.
+        has_scale: whether its strength is right.
     """
 
-    def __init__(self, time_us: int, field: Vec3, offsets: Vec3 = ZERO, is_healthy: bool = True, is_used: bool = True):
+    def __init__(
+        self,
+        time_us: int,
+        field: Vec3,
+        offsets: Vec3 = ZERO,
+        is_healthy: bool = True,
+        is_used: bool = True,
+        has_scale: bool = True,
+    ) -> None:
         self.time_us = time_us
         self.field = field
         self.offsets = offsets
         self.is_healthy = is_healthy
         self.is_used = is_used
+        self.has_scale = has_scale
 
 
 @final
@@ -53,6 +63,7 @@ class Compasses:
         own: that of the core, if it has affinity to a compass; -1 otherwise.
         are_consistent: whether all point the same way.
         are_available: whether there are any.
+        finds_declination: the earth's field may come from a table of the world (COMPASS_AUTODEC).
     """
 
     def __init__(
@@ -62,16 +73,19 @@ class Compasses:
         own: int = -1,
         are_consistent: bool = True,
         are_available: bool = True,
+        finds_declination: bool = True,
     ) -> None:
         self.readings = readings
         self.first_usable = first_usable
         self.own = own
         self.are_consistent = are_consistent
         self.are_available = are_available
+        self.finds_declination = finds_declination
 
     def of_core(self, number: int) -> "Compasses":
         """Return what they say to a core that has affinity to the one of its number."""
-        return Compasses(self.readings, self.first_usable, number, self.are_consistent, self.are_available)
+        consistent, available = self.are_consistent, self.are_available
+        return Compasses(self.readings, self.first_usable, number, consistent, available, self.finds_declination)
 
 
 @final
@@ -88,8 +102,6 @@ class CoreInputs:
         gps: the newest solution, with its antenna's place from the IMU; None without one.
         ranges: what the range finders say, with their places from the IMU; None without any.
         declination: of the magnetic field by the compass, rad.
-        place_declination: of the magnetic field at the origin by a table of the world, rad; NaN without one.
-        place_field: that field, Gauss, NED; ``has_place_field`` says whether it is known.
         lever_arm: the camera's place from the IMU, m, body (FRD).
         refused: how often something could not be used, by what it was.
     """
@@ -106,9 +118,6 @@ class CoreInputs:
         self.gps: GpsSample | None = None
         self.ranges: RangeState | None = None
         self.declination = 0.0
-        self.place_declination = math.nan
-        self.place_field: Vec3 = ZERO
-        self.has_place_field = False
         self.lever_arm: Vec3 = ZERO
         self.refused: dict[str, int] = {}
 
@@ -166,15 +175,6 @@ class CoreInputs:
         """Take the compass's declination, rad; 0 for one that cannot be used."""
         is_usable = self._admits("declination", abs(declination), _MAX_DECLINATION_RAD)
         self.declination = declination if is_usable else 0.0
-
-    def set_place(self, declination: float | None, field: Vec3 | None) -> None:
-        """Take what a table of the world has of the origin, rad and Gauss, NED; None for what is not known."""
-        is_usable = declination is not None and self._admits(
-            "place_declination", abs(declination), _MAX_DECLINATION_RAD
-        )
-        self.place_declination = declination if is_usable and declination is not None else math.nan
-        self.has_place_field = field is not None
-        self.place_field = ZERO if field is None else field
 
     def set_lever_arm(self, lever_arm: Vec3) -> None:
         """Take the camera's place from the IMU, m, body (FRD); the IMU's own for one that cannot be used."""

@@ -1,14 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fusion of all three axes of the compass (AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, FuseMagnetometer, FuseDeclination).
-
-FIRMWARE PARITY: the firmware takes the earth's field from a table of the world as the origin is set. Where that is not
-known, it is here the one that was measured when yaw was aligned, turned to the declination.
-"""
+"""Fusion of all three axes of the compass (AP_NavEKF3/AP_NavEKF3_MagFusion.cpp, FuseMagnetometer, FuseDeclination)."""
 
 import math
 from typing import Final, final
 
+from ap_core.declination import get_declination_rad, get_earth_field_ga
+from ap_core.location import Location
 from ekf_stub.core.covariance import BODY, EARTH, STATES, VEL
 from ekf_stub.core.inertial import Inertial
 from ekf_stub.core.params import Params, gate
@@ -49,7 +47,8 @@ class MagFusion:
     Attributes:
         is_learned: the fields are known so well that they are kept until the vehicle has landed.
         innovation: of the three axes, Gauss; ``ratios`` are their squares to the gate.
-        declination: of the magnetic field, rad.
+        has_table: whether the field of the place has been looked up in the table of the world.
+        compass_declination: of the magnetic field by the compass, rad.
     """
 
     def __init__(self, params: Params, state: State) -> None:
@@ -58,9 +57,10 @@ class MagFusion:
         self.is_learned = False
         self.innovation: Vec3 = ZERO
         self.ratios: Vec3 = ZERO
-        self.declination = 0.0
+        self.has_table = False
+        self.compass_declination = 0.0
+        self._table_declination = 0.0
         self._table_field: Vec3 = ZERO
-        self._has_table = False
         self._learned_vars = [0.0] * (STATES - EARTH)
         self._begins = False
 
@@ -79,11 +79,15 @@ class MagFusion:
         else:
             for i in range(BODY - 1, STATES):
                 state.cov.put(i, i, self._variance())
-            self._align_declination()
+            self.align_declination()
         return True
 
     def begin_step(self, forgets_body_field: bool) -> None:
-        """Give the fields their first variances, before the first prediction with them, or the vehicle's new ones."""
+        """Limit the earth's field; give the fields their first variances, or the vehicle's new ones.
+
+        Before a prediction.
+        """
+        self._limit()
         if forgets_body_field:
             self._state.clear(BODY, STATES, self._variance())
         if self._begins:
@@ -94,27 +98,40 @@ class MagFusion:
     def _variance(self) -> float:
         return square(self._params.MAG_M_NSE)
 
-    def use_table(self, field: Vec3) -> None:
-        """Take the earth's field, Gauss, NED, from a table, once (setEarthFieldFromLocation)."""
-        if not self._has_table and self._params.MAG_EF_LIM > 0:
-            self._has_table, self._table_field = True, field
-            self._state.set_earth_field(field)
+    def look_up(self, place: Location) -> None:
+        """Look up the field of a place in the table of the world (getEarthFieldTable)."""
+        field = get_earth_field_ga(place)
+        self._table_field = float(field.x), float(field.y), float(field.z)
+        self._table_declination = float(get_declination_rad(place))
+        self.has_table = True
+
+    def use_table(self, place: Location) -> None:
+        """Look up the field of a place, and go on with it (setEarthFieldFromLocation)."""
+        self.look_up(place)
+        if self._follows_table():
+            self._state.set_earth_field(self._table_field)
+
+    def _follows_table(self) -> bool:
+        return self.has_table and self._params.MAG_EF_LIM > 0
+
+    def declination(self) -> float:
+        """Return the declination of the magnetic field, rad (MagDeclination)."""
+        return self._table_declination if self._follows_table() else self.compass_declination
 
     def reset(self, mag: MagSample) -> None:
         """Take the earth's field from the table, or from a measurement and the attitude (resetMagFieldStates)."""
         state = self._state
-        state.set_earth_field(self._table_field if self._has_table else to_earth(state.rotation, mag.field))
-        self._align_declination()
-        if not self._has_table:
-            self._table_field = state.earth_field
+        state.set_earth_field(self._table_field if self._follows_table() else to_earth(state.rotation, mag.field))
+        self.align_declination()
         state.clear(BODY - 1, STATES, self._variance())
 
-    def _align_declination(self) -> None:
-        state = self._state
+    def align_declination(self) -> None:
+        """Turn the earth's field to the declination, unless the field is learned (alignMagStateDeclination)."""
+        state, declination = self._state, self.declination()
         if self.is_learned:
             return
         level = length2(state.earth_field[0], state.earth_field[1])
-        north, east = level * math.cos(self.declination), level * math.sin(self.declination)
+        north, east = level * math.cos(declination), level * math.sin(declination)
         state.set_earth_field((north, east, state.earth_field[2]))
         if state.learns_field:
             state.clear(EARTH, EARTH + 1, state.cov.var(EARTH))
@@ -130,7 +147,7 @@ class MagFusion:
         row = state.cov.row
         row[EARTH], row[EARTH + 1] = -east / level_squared, north / level_squared
         expected = state.cov.look_along(EARTH, EARTH + 2)
-        innovation = math.atan2(east, north) - self.declination
+        innovation = math.atan2(east, north) - self.declination()
         bound = _MAX_DECLINATION_INNOVATION
         state.fuse(expected, limited(innovation, -bound, bound), square(err))
 
@@ -141,7 +158,7 @@ class MagFusion:
         positions do.
         """
         params, state = self._params, self._state
-        if not knows_north or params.MAG_EF_LIM > 0:
+        if not knows_north or self._follows_table():
             self._fuse_declination(_DECLINATION_ERR)
         quat, field = state.quat, state.earth_field
         rotation = matrix(quat)
@@ -168,7 +185,7 @@ class MagFusion:
             # The variance of the innovation is that of before the first axis.
             rest = max(variance - expected, 0.0) if variance > 0.0 else math.nan
             state.fuse(expected, self.innovation[axis], rest)
-            self._keep_near_table()
+            self._limit()
         return True
 
     def _look_along(self, axis: int, quat: Quat, earth_field: Vec3, rotation: Rotation) -> float:
@@ -183,14 +200,10 @@ class MagFusion:
             row[BODY + i] = 1.0 if i == axis else 0.0
         return cov.look_along(0, STATES)
 
-    def constrain(self) -> None:
-        """Keep the earth's field near the table's, as a step begins (ConstrainStates)."""
-        if self._has_table:
-            self._keep_near_table()
-
-    def _keep_near_table(self) -> None:
+    def _limit(self) -> None:
+        """Keep the earth's field near that of the table (MagTableConstrain)."""
         state, around = self._state, 0.001 * self._params.MAG_EF_LIM
-        if around > 0:
+        if self._follows_table():
             north, east, down = self._table_field
             state.set_earth_field(
                 (

@@ -327,7 +327,7 @@ class YawFusion:
         north, east, _ = to_earth(matrix(self._state.quat), mag.field)
         # The field with yaw taken out of it points as far off north as the vehicle does, the other way round.
         level = math.atan2(east, north) - self._state.yaw(by_321)
-        return wrap_pi(self.field.declination - level)
+        return wrap_pi(self.field.declination() - level)
 
     def _align_by_compass(self, mag: MagSample, vehicle: Vehicle, climbed_m: float) -> None:
         alignment = self._alignment

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import Array, GpsSample, ImuReading, InertialDelta
@@ -71,6 +72,9 @@ class SensorSource:
 
     def set_armed(self, armed: bool) -> None:
         """Set whether the vehicle is armed; called before each pass."""
+
+    def stand_at(self, origin: Location) -> None:
+        """Take the filter's origin, once it has one: the place whose magnetic field the compass is to measure."""
 
     def is_at_rest(self, until_us: int) -> bool:
         """Return whether the vehicle stands still until a time since boot, as far as is known now.

@@ -32,7 +32,7 @@ from viso.firmware.releases import Firmware
 from viso.logs.recorded import RecordError, places_of, read_columns, recorded_states, records_in
 from viso.replay.ekf.frames import Frames
 from viso.replay.ekf.player import PLAYED, EkfPlayer
-from viso.replay.ekf.run import place_field_of, recorded_firmware
+from viso.replay.ekf.run import recorded_firmware
 from viso.terminal.ahrs import AhrsChoice, imu_options
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.sensors.inertial_sources import read_source
@@ -86,7 +86,6 @@ class ReplayedAhrs(RecordedAhrs):
         self._replayed = replayed
         self._player = EkfPlayer(_NoEvents(), replayed.frames)
         self._player.release = replayed.firmware.ekf
-        self._player.place_field = place_field_of(replayed.log)
         self._places = places_of(replayed.log, PLAYED).tolist()
         self._records = records_in(replayed.log, PLAYED)
         self._next_record = 0

@@ -379,7 +379,7 @@ class FilterRig:
             special = {"time_us": self.now_us, "field": self.compass_feels(), **self.compasses.get(number, {})}
             readings.append(CompassReading(**special))
         for core in self.lanes.cores:
-            core.inputs.set_compasses(Compasses(readings, **self.compasses_said))
+            core.inputs.set_compasses(Compasses(readings, **{"finds_declination": False} | self.compasses_said))
 
     def _feed_gps(self) -> None:
         x, y, z = self.gps_shift

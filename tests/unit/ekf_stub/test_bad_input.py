@@ -66,12 +66,10 @@ def test_what_is_absurd_counts_as_not_there_and_is_counted(bad: float) -> None:
         assert inputs.ranges is None
     inputs.set_declination(bad)
     assert inputs.declination == 0.0
-    inputs.set_place(bad, None)
-    assert math.isnan(inputs.place_declination)
     inputs.set_lever_arm((0.0, bad, 0.0))
     assert inputs.lever_arm == (0.0, 0.0, 0.0)
     counts = {"baro": 1, "compasses": 2, "gps": 5, "ranges": 3}
-    assert inputs.refused == {**counts, "declination": 1, "place_declination": 1, "lever_arm": 1}
+    assert inputs.refused == {**counts, "declination": 1, "lever_arm": 1}
 
 
 def test_what_is_sound_comes_in_as_it_is_again() -> None:
@@ -82,8 +80,6 @@ def test_what_is_sound_comes_in_as_it_is_again() -> None:
     sample = GpsSample(1000, 3, HOME, Vector3f(1, 2, 3), 10)
     inputs.set_gps(sample)
     assert inputs.gps is sample
-    inputs.set_place(None, (0.2, 0.0, 0.5))
-    assert inputs.has_place_field
     inputs.set_lever_arm((0.1, 0.0, -0.2))
     assert inputs.lever_arm == (0.1, 0.0, -0.2)
     assert inputs.refused == {"baro": 1}
@@ -309,13 +305,10 @@ class FilterMachine(RuleBasedStateMachine):
         self.rig.run(0.1)
         self.rig.compasses = {}
 
-    @rule(
-        declination=WIDE, place=st.none() | WIDE, lever_arm=VECTORS, home_lat=INT32, flying_ms=st.integers(0, 1 << 32)
-    )
+    @rule(declination=WIDE, lever_arm=VECTORS, home_lat=INT32, flying_ms=st.integers(0, 1 << 32))
     def mislead(
         self,
         declination: float,
-        place: float | None,
         lever_arm: tuple[float, float, float],
         home_lat: int,
         flying_ms: int,
@@ -323,7 +316,6 @@ class FilterMachine(RuleBasedStateMachine):
         """Let something be said that is not true."""
         for core in self.rig.lanes.cores:
             core.inputs.set_declination(declination)
-            core.inputs.set_place(place, None)
             core.inputs.set_lever_arm(lever_arm)
             core.inputs.home_lat = home_lat
         self.rig.flying_ms = flying_ms

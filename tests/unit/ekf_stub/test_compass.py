@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ap_core.declination import get_declination_rad, get_earth_field_ga
 from ekf_stub.core.vectors import euler_of
 from ekf_stub.release import APRIL_2026, JULY_2025, FilterRelease
 from tests.unit.ekf_stub.filter_rig import FIELD_NED, HOME, SLOW_LOOP_US, FilterRig, navigating, standing
@@ -54,12 +55,14 @@ def test_compass_aligns_yaw_from_true_north_at_any_tilt(
 
 def test_table_of_the_world_tells_declination_once_there_is_an_origin() -> None:
     rig = FilterRig("66661", has_compass=True, loop_us=SLOW_LOOP_US)
+    rig.compasses_said = {"finds_declination": True}
     rig.core.inputs.set_declination(0.3)
-    rig.core.inputs.set_place(0.2, None)
+    rig.run_until(lambda: rig.core.initialised, 2.0)
     rig.lanes.set_origin(HOME)
     rig.run(3.0)
-    assert rig.heading == pytest.approx(0.2, abs=1e-3)
-    assert rig.core.yaw.field.declination == 0.2
+    there = float(get_declination_rad(HOME))
+    assert rig.heading == pytest.approx(there, abs=1e-3)
+    assert rig.core.yaw.field.declination() == there
 
 
 def test_compass_waits_for_tilt() -> None:
@@ -432,29 +435,35 @@ def test_iron_is_told_from_the_earth_as_the_vehicle_turns() -> None:
     assert abs(rig.report.body_field[2]) < 0.02
 
 
-def test_earth_field_stays_near_what_it_was_set_to() -> None:
+def test_earth_field_stays_near_that_of_the_table() -> None:
     # GIVEN a limit of 50 mGauss around it; WHEN the compass feels much more
     rig = in_air(MAG_I_GATE=5000)
-    rig.field_ned = (FIELD_NED[0] * 1.5, 0.0, FIELD_NED[2] * 1.5)
+    rig.compasses_said = {"finds_declination": True}
+    rig.run(0.1)
+    rig.lanes.set_origin(HOME)
+    table = np.array(get_earth_field_ga(HOME).to_tuple(), float)
+    north, east, down = (1500.0 * table).tolist()
+    rig.field_ned = north, east, down
     rig.run(8.0)
-    apart = np.abs(np.array(rig.report.earth_field) - GAUSS * np.array(FIELD_NED))
+    apart = np.abs(np.array(rig.report.earth_field) - table)
     assert apart.max() <= 0.05 + 1e-3  # the declination is fused after that
     assert apart[2] > 0.04
     # AND it may be switched off
     rig.set_param("MAG_EF_LIM", 0)
     rig.run(8.0)
-    assert abs(rig.report.earth_field[2]) > GAUSS * abs(FIELD_NED[2]) + 0.06
+    assert abs(rig.report.earth_field[2]) > abs(table[2]) + 0.06
 
 
 def test_field_of_a_table_is_the_one_that_is_reset_to_and_limited_around() -> None:
     rig = FilterRig("66661", has_compass=True, loop_us=SLOW_LOOP_US, MAG_CAL=4)
-    table = 0.232, 0.0, -0.528
-    rig.core.inputs.set_place(0.0, table)
+    rig.compasses_said = {"finds_declination": True}
+    table = get_earth_field_ga(HOME).to_tuple()
+    x, y, z = (1000.0 * float(part) for part in table)
+    rig.field_ned = x, y, z
+    rig.run_until(lambda: rig.core.initialised, 2.0)
     rig.lanes.set_origin(HOME)
+    assert rig.report.earth_field == pytest.approx(table, abs=1e-6)
     rig.run(3.0)
-    assert rig.report.earth_field == pytest.approx(table, abs=5e-3)  # drawn to what is felt since
-    rig.core.inputs.set_place(0.0, (0.4, 0.0, 0.0))  # only once
-    rig.run(0.5)
     assert rig.report.earth_field == pytest.approx(table, abs=5e-3)
 
 

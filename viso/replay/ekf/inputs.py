@@ -5,7 +5,7 @@
 A value holds until the next record of its kind: most records are written only when they differ.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 from ap_core.cint import i32
@@ -19,7 +19,6 @@ from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.inputs.measurements import FIX_3D, FinderState, FlowMeasurement, GpsSample, RangeState, RangeStatus
 from ekf_stub.reports import Three
 from viso.logs.recorded import finite, instance, numbers, whole
-from viso.logs.vehicle_log import ORGN_EKF
 
 _VERTICAL_VELOCITY, _HORIZONTAL, _VERTICAL, _LAG, _SPEED, _YAW = (1 << bit for bit in range(6))  # of RGPI.Flags
 
@@ -185,23 +184,26 @@ class ReplayInputs:
 
     def _take_rmgh(self, record: Any) -> None:
         (self.declination,) = finite(record, "Dec")
-        first, self._compass_count, are_consistent, are_available = whole(record, "FUsable", "NumInst", "C", "Avail")
+        first, self._compass_count = whole(record, "FUsable", "NumInst")
+        are_consistent, are_available, finds_declination = map(bool, whole(record, "C", "Avail", "AutoDec"))
         self.compasses = Compasses(
-            self._compass_readings(), first, are_consistent=bool(are_consistent), are_available=bool(are_available)
+            self._compass_readings(), first, -1, are_consistent, are_available, finds_declination
         )
 
     def _take_rmgi(self, record: Any) -> None:
         time_us, field_x, field_y, field_z, x, y, z = finite(record, "LU", "FX", "FY", "FZ", "OX", "OY", "OZ")
-        is_used, is_healthy = map(bool, whole(record, "UFY", "H"))
+        is_used, is_healthy, has_scale = map(bool, whole(record, "UFY", "H", "HSF"))
         self._compasses[instance(record)] = CompassReading(
-            int(time_us), (field_x, field_y, field_z), (x, y, z), is_healthy, is_used
+            int(time_us), (field_x, field_y, field_z), (x, y, z), is_healthy, is_used, has_scale
         )
         now = self.compasses
         self.compasses = Compasses(
             self._compass_readings(),
             now.first_usable,
-            are_consistent=now.are_consistent,
-            are_available=now.are_available,
+            -1,
+            now.are_consistent,
+            now.are_available,
+            now.finds_declination,
         )
 
     def _compass_readings(self) -> list[CompassReading]:
@@ -275,15 +277,3 @@ class CoreInputs:
             if own is not None and own.fix_type >= FIX_3D:
                 return own
         return self._inputs.gps
-
-
-# Where the origin is
-
-
-def origin_of(records: Iterable[Any]) -> Location | None:
-    """Return the place of the filter's origin, by the ORGN records of a log; its height counts for nothing."""
-    for record in records:
-        if whole(record, "Type") == [ORGN_EKF]:
-            lat_deg, lng_deg = finite(record, "Lat", "Lng")
-            return Location(round(1e7 * lat_deg), round(1e7 * lng_deg), 0)
-    return None

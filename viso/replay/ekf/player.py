@@ -41,7 +41,6 @@ from ekf_stub.release import STABLE_4_7
 from ekf_stub.reports import CoreReport, Three, cores_of_mask, words_of
 from viso.logs.recorded import RecordError, finite, numbers, text, whole
 from viso.parameters.ekf3 import FLOW_LIMIT, FLOW_LIMIT_LATER
-from viso.replay.ekf.earth_field import EarthField
 from viso.replay.ekf.frames import AFTER_THE_FILTER, Frames
 from viso.replay.ekf.inputs import CoreInputs, ReplayInputs, flow_of
 
@@ -80,7 +79,6 @@ class EkfPlayer:
 
     Attributes:
         params: the parameters as the log has them so far.
-        place_field: the magnetic field at the origin by the firmware's table; None if the place is unknown.
         imus: the IMU of each core that runs, by the core's number; empty before the first frame.
         lanes: the cores, in that order; None until they start.
         time_us: the time of the present frame, since boot.
@@ -99,7 +97,6 @@ class EkfPlayer:
         self._core_params = Params()
         self._imus = Imus()
         self.lanes: Lanes | None = None
-        self.place_field: EarthField | None = None
         self.time_us = 0
         self.next_frame = 0
         self._changes_of_use = frames.changes_of_use()
@@ -268,7 +265,6 @@ class EkfPlayer:
         self._read_params()
         self._imus.first_gyro, self._imus.first_accel = self.inputs.first_gyro, self.inputs.first_accel
         given, flags, affinity = self.inputs, self.inputs.flags, int(self.param("EK3_AFFINITY"))
-        declination, field = self.place_field or (None, None)
         for core, sensors in zip(lanes.cores, self._core_inputs, strict=True):
             if not self._imus.has_data_of(core.imu):
                 imu = self._imus.gyro_of(core.imu)
@@ -286,7 +282,6 @@ class EkfPlayer:
             inputs.set_gps(None if gps is None else self._gps(accel, gps, place))
             inputs.set_ranges(None if ranges is None else self._ranges(accel, ranges, place))
             inputs.set_declination(given.declination)
-            inputs.set_place(declination, field)
             inputs.set_lever_arm(self._lever_arm(place))
 
     def _lever_arm(self, place: Three) -> Three:

@@ -26,9 +26,7 @@ from viso.logs.event_names import ERR_EKF_PRIMARY, EV_SOURCE_SET_1, EV_YAW_RESET
 from viso.logs.recorded import RecordError, finite, places_of, read_columns, records_in, text, whole
 from viso.logs.vehicle_log import ORGN_EKF
 from viso.parameters.left_out import left_out
-from viso.replay.ekf.earth_field import EarthField, earth_field
 from viso.replay.ekf.frames import Frames
-from viso.replay.ekf.inputs import origin_of
 from viso.replay.ekf.output import EkfOutput
 from viso.replay.ekf.player import PLAYED, EkfPlayer
 
@@ -196,7 +194,6 @@ class EkfRun:
         self._has_estimates = bool(log.counts.get("XKF4"))
         self.judged_by = recorded_firmware(log, self._given)
         player.release = self.judged_by.firmware.ekf
-        player.place_field = place_field_of(log)
         shown = 0
         problem = frames.problem()
         places = places_of(log, _READ)
@@ -338,17 +335,6 @@ class EkfRun:
     def origin(self, place: Location) -> None:
         """Log the origin that was set."""
         self.output.write(ORGN, (self._time_us, ORGN_EKF, place.lat, place.lng, place.alt_cm))
-
-
-_OWN_VEHICLE: Final = b"viso".hex()
-"""In the text with a vehicle's id, of viso's own vehicles: their field has no declination, wherever they are."""
-
-
-def place_field_of(log: LogColumns) -> EarthField | None:
-    """Return the magnetic field at the origin of a log; None if that is unknown, or of a vehicle of viso."""
-    origin = origin_of(records_in(log, ["ORGN"]))
-    is_of_earth = all(_OWN_VEHICLE not in text(record, "Message") for record in records_in(log, ["MSG"]))
-    return earth_field(1e-7 * origin.lat, 1e-7 * origin.lng) if origin is not None and is_of_earth else None
 
 
 def recorded_firmware(log: LogColumns, given: Firmware | None = None) -> JudgedBy:

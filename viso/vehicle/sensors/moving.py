@@ -32,7 +32,7 @@ class MovingSource(VehicleSource):
         delta = self._motion.go_to(now_us)
         if now_us > self._next_reading_us:
             self._read(now_us, *self._shown(now_us))
-        return self._model.apply(Sensors(delta, self._baro, self._mag))
+        return self._model.apply(Sensors(delta, self._baro, self._mag, self._declination))
 
     def ahead(self, times_us: range) -> Array:
         """Return what passes get until the next reading."""

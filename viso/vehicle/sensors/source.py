@@ -12,6 +12,8 @@ from typing import Final
 import numpy as np
 
 from ap_core.clock import NEVER
+from ap_core.declination import get_declination_rad, get_earth_field_ga
+from ap_core.location import Location
 from ekf_stub.core.vectors import Quat
 from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import SensorSource
@@ -41,8 +43,8 @@ class ImuOptions:
 
 PERIOD_US: Final = 100_000
 PHASE_US: Final = 50_000
-FIELD_NED_MGAUSS: Final = (238.0, 0.0, -529.0)
-"""Strength and dip of the reference's place, without its declination."""
+HOME: Final = Location(-353632610, 1491652300, 58409)
+"""Where the reference's simulator stands, and a vehicle that has no origin."""
 
 
 def last_reading_us(now_us: int) -> int | None:
@@ -51,9 +53,10 @@ def last_reading_us(now_us: int) -> int | None:
     return reading_us if reading_us >= 0 else None
 
 
-def ideal_field(quat: Quat) -> Array:
-    """Return the magnetic field in mGauss, body (FRD), of an attitude, body to earth (NED); declination is 0."""
-    return to_single(to_body(quat, FIELD_NED_MGAUSS))
+def ideal_field(place: Location, quat: Quat) -> Array:
+    """Return the magnetic field at a place in mGauss, body (FRD), of an attitude, body to earth (NED)."""
+    north, east, down = (1e3 * float(part) for part in get_earth_field_ga(place).to_tuple())
+    return to_single(to_body(quat, (north, east, down)))
 
 
 class VehicleSource(SensorSource):
@@ -75,6 +78,12 @@ class VehicleSource(SensorSource):
         self._next_reading_us = 0
         self._baro: tuple[int, float] | None = None
         self._mag: tuple[int, Array] | None = None
+        self._place = HOME
+        self._declination = 0.0
+
+    def stand_at(self, origin: Location) -> None:
+        """Stand where the filter's origin is; from then on the compass knows its declination."""
+        self._place, self._declination = origin, float(get_declination_rad(origin))
 
     def _read(self, now_us: int, height_m: float, quat: Quat) -> None:
         """Read the barometer, and the compass if there is one, of a vehicle with an attitude (body to NED)."""
@@ -83,7 +92,7 @@ class VehicleSource(SensorSource):
             return
         self._next_reading_us = reading_us + PERIOD_US
         self._baro = reading_us // 1000, float(np.float32(height_m))
-        self._mag = (reading_us, ideal_field(quat)) if self._options.has_compass() else None
+        self._mag = (reading_us, ideal_field(self._place, quat)) if self._options.has_compass() else None
 
     def next_event_us(self) -> int:
         """Return the time of the next event that sensors do not show, us since boot."""

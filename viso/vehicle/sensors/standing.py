@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from ap_core.location import Location
 from ekf_stub.core.inertial import GRAVITY_MSS
 from ekf_stub.core.vectors import Quat, quat_of_euler, scaled
 from ekf_stub.inputs.measurements import Array, InertialDelta, row_of
@@ -34,12 +35,18 @@ class BenchSource(VehicleSource):
         super().__init__(options)
         quat = self._quat = quat_of_euler(roll_rad, pitch_rad, options.heading_rad)
         self._accel = to_body(quat, (0.0, 0.0, -GRAVITY_MSS))
-        self._field = ideal_field(quat)
+        self._quat = quat
+        self._field = ideal_field(self._place, quat)
         self._last_us: int | None = None
         self._dt_us = NOMINAL_US
         self._delta = self._move_on(NOMINAL_US)
         self._rows = np.tile(row_of(self._delta), (MOST_AHEAD, 1))
         self._ideal = self._sense_anew(0)
+
+    def stand_at(self, origin: Location) -> None:
+        """Stand where the filter's origin is."""
+        super().stand_at(origin)
+        self._field = ideal_field(origin, self._quat)
 
     def sense(self, now_us: int) -> Sensors | None:
         """Return the data of the sensors, or None for a time that has passed."""
@@ -78,7 +85,7 @@ class BenchSource(VehicleSource):
             return Sensors(self._delta)
         self._next_reading_us = reading_us + PERIOD_US
         mag = (reading_us, self._field) if self._options.has_compass() else None
-        return Sensors(self._delta, (reading_us // 1000, 0.0), mag)
+        return Sensors(self._delta, (reading_us // 1000, 0.0), mag, self._declination)
 
     def truth(self, now_us: int) -> tuple[Three, Three, Quat]:
         """Return where the vehicle stands."""

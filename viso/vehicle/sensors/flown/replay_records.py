@@ -88,11 +88,8 @@ def _expected(log: LogColumns, ends: Ints) -> Readings[tuple[bool, bool]] | None
 
 
 def _declination(log: LogColumns, ends: Ints) -> Readings[float] | None:
-    """Return the declination of RMGH; the last of it from the origin on, when the filter has a table for its place."""
+    """Return the declination of RMGH; None without it."""
     values, begins = chosen(log, "RMGH", ["Dec"])
     if not len(values):
         return None
-    origin = log.offsets("ORGN")[:1]
-    before = begins < origin.min(initial=begins[-1])
-    numbers, places = values[before, 0].tolist(), begins[before].tolist()
-    return readings([*numbers, float(values[-1, 0])], [*places, origin.min(initial=begins[-1])], ends)
+    return readings(values[:, 0].tolist(), begins, ends)

@@ -8,10 +8,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
+from ap_core.declination import get_declination_rad
+from ap_core.location import Location
 from ekf_stub.inputs.measurements import Array
 from viso.vehicle.sensors.flight import Ints, Readings, chosen, first_instance, has, parameters, readings
 
-_CORE: Final = 0
 _EKF_ORIGIN: Final = 0  # of ORGN.Type
 
 
@@ -30,7 +31,7 @@ def slow_sensors(log: LogColumns, pass_us: Ints) -> SlowSensors:
     mag = _timed(log, "MAG", "S", 1.0, ["MagX", "MagY", "MagZ"])
     attitude, _ = chosen(log, "ATT", ["TimeUS", "Yaw"])
     yaw = [math.remainder(one, math.tau) for one in np.radians(attitude[:, 1])]
-    declination, since_us = declination_of(log, parameters(log).get("COMPASS_DEC", 0.0))
+    declination, since_us = declination_of(log)
     return SlowSensors(
         readings([(int(row[1]), row[2]) for row in baro.tolist()], baro[:, 0], pass_us),
         readings([(int(row[1]), row[2:]) for row in mag], mag[:, 0], pass_us),
@@ -39,22 +40,22 @@ def slow_sensors(log: LogColumns, pass_us: Ints) -> SlowSensors:
     )
 
 
-def declination_of(log: LogColumns, default: float) -> tuple[list[float], list[float]]:
-    """Return the magnetic declination in rad that a log's filter used, and from when on in us since boot.
+def declination_of(log: LogColumns) -> tuple[list[float], list[float]]:
+    """Return the magnetic declination in rad that a log's compass had, and from when on in us since boot.
 
-    No ordinary record tells it. The filter has it from a table as soon as it has an origin, and turns its earth field
-    (XKF2) by it; the compass has it once there is a place (POS). Before that it is the default.
+    It is COMPASS_DEC until the vehicle knows where it is, by an origin or a position, and that of the place then
+    (Compass::try_set_initial_location), unless COMPASS_AUTODEC is 0.
     """
-    origins, _ = chosen(log, "ORGN", ["TimeUS", "Type"])
-    origins = origins[origins[:, 1] == _EKF_ORIGIN, 0]
-    places, _ = chosen(log, "POS", ["TimeUS"])
-    since_us = min([*origins[:1].tolist(), *places[:1, 0].tolist()], default=0.0)
-    field, _ = chosen(log, "XKF2", ["TimeUS", "MN", "ME"], _CORE)
-    field = field[field[:, 1:].any(axis=1)]
-    if not len(field):
+    params = parameters(log)
+    default = params.get("COMPASS_DEC", 0.0)
+    origins, _ = chosen(log, "ORGN", ["TimeUS", "Lat", "Lng", "Type"])
+    positions, _ = chosen(log, "POS", ["TimeUS", "Lat", "Lng"])
+    places = [*origins[origins[:, 3] == _EKF_ORIGIN, :3][:1].tolist(), *positions[:1].tolist()]
+    if not places or not params.get("COMPASS_AUTODEC", 1.0):
         return [default], [-1.0]
-    first = np.searchsorted(field[:-1, 0], origins[0] if len(origins) else math.inf)
-    return [default, math.atan2(field[first, 2], field[first, 1])], [-1.0, since_us]
+    since_us, lat_deg, lng_deg = min(places)
+    place = Location(round(1e7 * lat_deg), round(1e7 * lng_deg), 0)
+    return [default, float(get_declination_rad(place))], [-1.0, since_us]
 
 
 def _timed(log: LogColumns, kind: str, stamp: str, per_us: float, labels: list[str]) -> Array:

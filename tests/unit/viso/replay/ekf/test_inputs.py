@@ -48,12 +48,14 @@ def test_heights_are_kept_by_barometer(inputs: ReplayInputs) -> None:
 
 
 def test_compasses_are_kept_by_number(inputs: ReplayInputs) -> None:
-    inputs.take(record("RMGH", Dec=0.25, Avail=1, NumInst=2, C=0, FUsable=1))
+    inputs.take(record("RMGH", Dec=0.25, Avail=1, NumInst=2, AutoDec=0, C=0, FUsable=1))
     for i, is_used in enumerate((0, 1)):
         field = {"FX": 1.0, "FY": 2.0, "FZ": i, "OX": 4.0, "OY": 5.0, "OZ": i}
-        inputs.take(record("RMGI", LU=100_000 + i, **field, UFY=is_used, H=1, I=i))
+        inputs.take(record("RMGI", LU=100_000 + i, **field, UFY=is_used, H=1, HSF=1 - i, I=i))
     compasses = inputs.compasses
     assert (inputs.declination, compasses.first_usable, compasses.are_consistent) == (0.25, 1, False)
+    assert not compasses.finds_declination
+    assert [reading.has_scale for reading in compasses.readings] == [True, False]
     first, second = compasses.readings
     assert (first.is_used, second.is_used, second.time_us, second.offsets) == (False, True, 100_001, (4.0, 5.0, 1.0))
     assert second.field == (1.0, 2.0, 1.0)

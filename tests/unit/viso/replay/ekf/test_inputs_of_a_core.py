@@ -28,7 +28,7 @@ class Rig:
     def __init__(self) -> None:
         self.inputs, self.affinity = ReplayInputs(), 0
         self.core = CoreInputs(self.inputs, 1)
-        self.take("RMGH", Dec=0.2, Avail=1, NumInst=2, C=1, FUsable=0)
+        self.take("RMGH", Dec=0.2, Avail=1, NumInst=2, AutoDec=1, C=1, FUsable=0)
         for i in range(2):
             self.baro(i)
             self.mag(i)
@@ -40,7 +40,7 @@ class Rig:
         self.take("RBRI", LastUpdate=900, Alt=float(i), H=healthy, I=i)
 
     def mag(self, i: int, healthy: int = 1) -> None:
-        self.take("RMGI", LU=900, FX=float(i), FY=0.0, FZ=400.0, OX=0.0, OY=0.0, OZ=0.0, UFY=1, H=healthy, I=i)
+        self.take("RMGI", LU=900, FX=float(i), FY=0.0, FZ=400.0, OX=0.0, OY=0.0, OZ=0.0, UFY=1, H=healthy, HSF=1, I=i)
 
     def gps(self, i: int, fix: int = 3) -> None:
         self.take("RGPI", OX=0.0, OY=0.0, OZ=0.0, Lg=0.2, Flags=0, Stat=fix, NSats=10, I=i)

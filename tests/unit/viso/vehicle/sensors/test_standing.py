@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ap_core.location import Location
 from ekf_stub.inputs.sensors import Sensors
 from viso.vehicle.sensors.errors import SensorErrors
 from viso.vehicle.sensors.source import ImuOptions
@@ -77,7 +78,17 @@ def test_compass_is_there_when_it_is_in_use() -> None:
     assert sense(source, 1_002_500).mag is None  # until it is read again
     mag = sense(source, 1_052_500).mag
     assert mag is not None
-    assert mag[1] == pytest.approx([0, -238, -529], abs=1e-4)
+    assert mag[1] == pytest.approx([52.73749, -232.17320, -528.91174], abs=1e-4)
+
+
+def test_compass_feels_the_field_of_the_origin() -> None:
+    source = BenchSource(ImuOptions(has_compass=lambda: True))
+    assert sense(source, 1_000_000).declination == 0.0
+    source.stand_at(Location(473977420, 85455940, 0))  # Zurich
+    sensors = sense(source, 1_052_500)
+    assert sensors.mag is not None
+    assert sensors.mag[1] == pytest.approx([217.51, 12.12, 429.56], abs=0.01)
+    assert sensors.declination == pytest.approx(math.atan2(12.12, 217.51), abs=1e-4)
 
 
 def test_nothing_new_is_made_while_nothing_changes() -> None:

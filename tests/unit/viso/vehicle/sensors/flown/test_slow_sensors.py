@@ -7,6 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from ap_core.declination import get_declination_rad
+from ap_core.location import Location
 from tests.unit.viso.vehicle.sensors.flown.made import log_of
 from viso.vehicle.sensors.flown.slow_sensors import slow_sensors
 
@@ -32,20 +34,17 @@ def declinations(params: dict[str, float] | None = None, **records: list[list[fl
     return [slow.declination.at(number) for number in (0, 2, 3, 4)]
 
 
-FIELD = [[1e6, 0, 0, 0], [1.2e6, 0, 230, 0], [2.1e6, 0, 200, 50], [8e6, 0, 200, 60]]
+def test_declination_is_that_of_the_place_once_there_is_one() -> None:
+    there = float(get_declination_rad(Location(100_000_000, 100_000_000, 0)))
+    assert declinations(ORGN=[[2e6, 0, 1e8, 1e8, 0]], POS=[[2.5e6, 1e8, 1e8, 0]]) == [0.0, 0.0, there, there]
+    assert declinations(ORGN=[[2e6, 0, 1e8, 1e8, 0]], POS=[[1.1e6, 1e8, 1e8, 0]]) == [0.0, there, there, there]
 
 
-def test_declination_is_that_of_the_filters_field_once_there_is_a_place() -> None:
-    found = declinations(XKF2=FIELD, ORGN=[[2e6, 0, 10, 10, 0]], POS=[[2.5e6, 10, 10, 0]])
-    assert found == pytest.approx([0.0, 0.0, math.atan2(50, 200), math.atan2(50, 200)])
-    earlier = declinations(XKF2=FIELD, ORGN=[[2e6, 0, 10, 10, 0]], POS=[[1.1e6, 10, 10, 0]])
-    assert earlier == pytest.approx([0.0, *[math.atan2(50, 200)] * 3])
-
-
-def test_without_an_origin_the_last_field_counts() -> None:
-    assert declinations(XKF2=FIELD)[-1] == pytest.approx(math.atan2(60, 200))
-
-
-def test_without_a_field_it_is_the_parameter() -> None:
+def test_without_a_place_it_is_the_parameter() -> None:
     assert declinations({"COMPASS_DEC": 0.25}) == [0.25] * 4
     assert declinations() == [0.0] * 4
+
+
+def test_it_stays_the_parameter_if_that_is_wanted() -> None:
+    params = {"COMPASS_DEC": 0.25, "COMPASS_AUTODEC": 0.0}
+    assert declinations(params, ORGN=[[1e6, 0, 1e8, 1e8, 0]]) == [0.25] * 4

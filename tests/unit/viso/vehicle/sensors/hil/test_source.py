@@ -24,7 +24,7 @@ from viso.vehicle.sensors.hil import (
     UPDATED_RESET,
     HilSource,
 )
-from viso.vehicle.sensors.source import FIELD_NED_MGAUSS, ImuOptions
+from viso.vehicle.sensors.source import ImuOptions
 from viso.vehicle.sensors.vectors import to_body
 
 if TYPE_CHECKING:
@@ -308,7 +308,7 @@ class TestHeading:
         roll, pitch, yaw = map(math.radians, rpy_deg)
         quat = quat_of_euler(roll, pitch, yaw)
         force = dict(zip(("xacc", "yacc", "zacc"), to_body(quat, (0.0, 0.0, -GRAVITY_MSS)), strict=True))
-        field = dict(zip(("xmag", "ymag", "zmag"), scaled(to_body(quat, FIELD_NED_MGAUSS), 1e-3), strict=True))
+        field = dict(zip(("xmag", "ymag", "zmag"), scaled(to_body(quat, (238.0, 0.0, -529.0)), 1e-3), strict=True))
         for time_us in (0, 60_000):
             hil.take_hil_sensor(after(REST, time_us, **force, **field), time_us)
             hil.sense(60_000)

@@ -17,12 +17,12 @@ from ap_core.cint import u32
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.core.vectors import euler_of
+from ekf_stub.core.vectors import euler_of, quat_of_euler
 from ekf_stub.inputs.measurements import Array, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from tests.unit.viso.vehicle.sensors.conftest import LEVEL, LOOP_US, Three, Wxyz, yawed
 from viso.vehicle.sensors.errors import SensorErrors
-from viso.vehicle.sensors.source import FIELD_NED_MGAUSS, ImuOptions
+from viso.vehicle.sensors.source import HOME, ImuOptions, ideal_field
 from viso.vehicle.sensors.stream.follow import ACCELERATION_DELAY_S, REST_UNTIL_US, FollowSource
 
 AGE_MS = 50
@@ -394,9 +394,7 @@ class TestReadings:
         rig.run(12.0, turn=lambda t: yawed(0.0 if t < BEGIN_S else min(60.0, 30.0 * (t - BEGIN_S))))
         mag = rig.sensors[-1].mag
         assert mag is not None
-        north = FIELD_NED_MGAUSS[0]
-        heading = math.radians(90.0)
-        assert mag[1] == pytest.approx([north * math.cos(heading), -north * math.sin(heading), -529.0], abs=1.0)
+        assert mag[1] == pytest.approx(ideal_field(HOME, quat_of_euler(0.0, 0.0, math.radians(90.0))), abs=1.0)
 
     def test_there_is_none_without_a_compass(self) -> None:
         rig = Rig()
