@@ -26,6 +26,12 @@ _FEWEST_SAMPLES: Final = 30
 _SHORTEST_BLOCK_S: Final = 1.0
 _APART_MS: Final = 50.0
 _CLEARER: Final = 6.0  # difference of log likelihoods from the next best delay
+PIECE_S: Final = 8.0
+_MOST_PIECES: Final = 16
+_SEARCH_OVER_TIME_MS: Final = (-100.0, 1500.0)
+_PIECE_GRID_MS: Final = 40.0
+_LEAST_OF_PIECE: Final = 0.8
+_LARGEST_OF_PIECE_MS: Final = 100.0  # a delay that changes within the piece counts in
 _REFINEMENTS: Final = 4
 _SLOPE_STEP_S: Final = 2e-3
 
@@ -93,17 +99,60 @@ def estimate_delay(
     return replace(found, delay_ms=math.nan, sigma_ms=math.inf, enough_motion=False)
 
 
+def delays_over_time(
+    stream_time_us: npt.ArrayLike,
+    stream_quat_wxyz: npt.ArrayLike,
+    vehicle_time_us: npt.ArrayLike,
+    vehicle_quat_wxyz: npt.ArrayLike,
+) -> tuple[Array, Array]:
+    """Return the delay in up to 16 pieces of a stream [K] in ms, and the middle of each in s [K].
+
+    Pieces whose motion does not determine it are left out. Arguments are as of ``estimate_delay``.
+    """
+    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_quat_wxyz)
+    if len(pair) < _FEWEST_SAMPLES:
+        return np.zeros(0), np.zeros(0)
+    begin_s, end_s = float(pair.start_s[0]), float(pair.start_s[-1])
+    count = min(_MOST_PIECES, int((end_s - begin_s) / (PIECE_S / 2)) - 1)
+    grid_ms = np.arange(*_SEARCH_OVER_TIME_MS, _PIECE_GRID_MS)
+    delays_ms, middles_s = [], []
+    for start_s in np.linspace(begin_s, end_s - PIECE_S, max(count, 1)).tolist():
+        piece = pair.chosen((pair.start_s >= start_s) & (pair.start_s < start_s + PIECE_S))
+        for delay_ms in (grid_ms[0], grid_ms[-1]):
+            piece = piece.chosen(piece.vehicle_rad(delay_ms * 1e-3)[1])
+        if len(piece) < _FEWEST_SAMPLES:
+            continue
+        sparse = piece.thinned()
+        correlations = np.array([_correlation(sparse, delay_ms * 1e-3) for delay_ms in grid_ms])
+        best = int(np.argmax(correlations))
+        found = _refined(piece, float(grid_ms[best]))
+        is_sure = correlations[best] >= _LEAST_OF_PIECE and found.sigma_ms <= _LARGEST_OF_PIECE_MS
+        if is_sure and found.rate_rad >= LEAST_RATE_RAD and _stands_out(correlations, best, piece, _PIECE_GRID_MS):
+            delays_ms.append(_peak(grid_ms, correlations, best))
+            middles_s.append(start_s + PIECE_S / 2)
+    return np.array(delays_ms), np.array(middles_s)
+
+
 def _correlation(pair: TurnPair, delay_s: float) -> float:
     stream, vehicle = centred(pair.stream_rad), centred(pair.vehicle_rad(delay_s)[0])
     return correlation_of(stream @ best_rotation(stream, vehicle).T, vehicle)
 
 
-def _stands_out(correlations: Array, best: int, pair: TurnPair) -> bool:
+def _peak(grid_ms: Array, correlations: Array, best: int) -> float:
+    """Return where the parabola through the best value of a grid and its neighbours is highest."""
+    if not 0 < best < len(grid_ms) - 1:
+        return float(grid_ms[best])
+    before, there, after = correlations[best - 1 : best + 2].tolist()
+    bend = before - 2 * there + after
+    return float(grid_ms[best]) + (0.5 * (before - after) / bend if bend < 0 else 0.0) * _PIECE_GRID_MS
+
+
+def _stands_out(correlations: Array, best: int, pair: TurnPair, step_ms: float = _GRID_MS) -> bool:
     """Return whether no distant delay fits nearly as well, as happens with periodic motion."""
     peak = np.ones(len(correlations), bool)
     peak[1:] &= correlations[1:] >= correlations[:-1]
     peak[:-1] &= correlations[:-1] >= correlations[1:]
-    apart = np.abs(np.arange(len(correlations)) - best) * _GRID_MS > _APART_MS
+    apart = np.abs(np.arange(len(correlations)) - best) * step_ms > _APART_MS
     rivals = correlations[peak & apart]
     if not len(rivals):
         return True

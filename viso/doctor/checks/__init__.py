@@ -91,6 +91,7 @@ CHECKS: Final = (
     lateness.later_than_before,
     lateness.viso_delay,
     clocks.clock_rate,
+    lateness.growing_delay,
     rate.too_few_messages,
     rate.too_many_messages,
     rate.gaps_of_300_ms,

@@ -168,6 +168,8 @@ def viso_delay(evidence: Evidence) -> Iterator[Sighting]:
         delay, arrival = compared.delay, compared.since_arrival
         if not delay.enough_motion or not arrival.enough_motion or sender_clock(compared.poses.track) is not None:
             continue
+        if compared.growth is not None:  # XN3-13
+            continue
         # What a port's rate says that bytes take may be true or not: the truth lies between the two.
         tolerance = limits.DELAY_TOLERANCE_MS + 3 * delay.sigma_ms
         if delay.delay_ms - tolerance <= setting <= max(delay.delay_ms, arrival.delay_ms) + tolerance:
@@ -179,6 +181,37 @@ def viso_delay(evidence: Evidence) -> Iterator[Sighting]:
             f"(correlation {delay.correlation:.2f}); VISO_DELAY_MS is {setting:.0f}",
             track,
             fix=_advice(compared),
+        )
+
+
+@check(
+    code="XN3-13",
+    severity=Severity.ERROR,
+    title="Poses grow older and older",
+    firmware=(
+        "The autopilot subtracts VISO_DELAY_MS alone from the stamps. Poses that are older than that pull the estimate "
+        "back in time, more and more; the vehicle swings, then flies away."
+    ),
+    source="AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
+    fix=(
+        "Look for a queue that fills because pictures or messages come faster than they are worked off: keep the "
+        "newest alone, lower the rate of the camera, and stamp with the time of the picture."
+    ),
+    witness=Witness.LOG,
+    needs={Aspect.ARRIVAL},
+)
+def growing_delay(evidence: Evidence) -> Iterator[Sighting]:
+    for compared in evidence.comparisons:
+        growth, track = compared.growth, compared.poses.track
+        if growth is None or sender_clock(track) is not None:
+            continue
+        since = track.arrival_us >= growth.from_s * 1e6
+        yield Sighting.in_track(
+            f"{track.sender}: against the vehicle's own turns, poses are {growth.first_ms:.0f} ms old when they arrive "
+            f"at first, and {growth.last_ms:.0f} ms in the end: from {at(int(growth.from_s * 1e6))} on the delay grows "
+            f"by {growth.ms_a_second:.0f} ms a second",
+            track,
+            since,
         )
 
 

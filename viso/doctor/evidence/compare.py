@@ -17,7 +17,7 @@ from viso.doctor.evidence.tracks import Floats, HandledMessage, Ints, Poses, dow
 from viso.doctor.evidence.vehicle_data import AttitudeSeries
 from viso.doctor.evidence.vehicle_position import PositionSeries
 from viso.estimators.angles import ANGLES, YAW, Carrier, carriers, unfolded
-from viso.estimators.delay import Delay, estimate_delay
+from viso.estimators.delay import PIECE_S, Delay, delays_over_time, estimate_delay
 from viso.estimators.orientation import ChosenAxes, WorldAxes, estimate_orientation, estimate_world_axes
 from viso.estimators.positions import Scale, estimate_position_axes, estimate_scale
 from viso.geometry.rotation import euler_from_quats, product, quats_from_euler
@@ -25,6 +25,41 @@ from viso.geometry.rotation import euler_from_quats, product, quats_from_euler
 ALIGNING_TYPES: Final = (2, 3)
 NO_TURNING: Final = np.zeros((0, 4))
 _FEWEST: Final = 40
+
+
+class DelayGrowth(NamedTuple):
+    """A delay that grows: from when, in s since boot, its first and last value in ms, and ms a second between."""
+
+    from_s: float
+    first_ms: float
+    last_ms: float
+    ms_a_second: float
+
+
+_LEAST_GROWTH_MS: Final = 100.0
+_FEWEST_PIECES: Final = 5
+_LEAST_ORDER: Final = 0.85  # rank correlation with time
+_EXACT_MS: Final = 2.0
+
+
+def delay_growth(
+    since_arrival: Delay, arrived_us: Ints, quats: Floats, vehicle: tuple[Ints, Floats]
+) -> DelayGrowth | None:
+    """Return how a delay grows; a constant one that fits exactly is not looked at in pieces."""
+    if since_arrival.enough_motion and since_arrival.sigma_ms < _EXACT_MS:
+        return None
+    delays_ms, middles_s = delays_over_time(arrived_us, quats, *vehicle)
+    if len(delays_ms) < _FEWEST_PIECES:
+        return None
+    part = max(len(delays_ms) // 4, 2)
+    first_ms, last_ms = float(np.median(delays_ms[:part])), float(np.median(delays_ms[-part:]))
+    order = np.corrcoef(np.argsort(np.argsort(delays_ms)), np.arange(len(delays_ms)))[0, 1]
+    if last_ms - first_ms < _LEAST_GROWTH_MS or order < _LEAST_ORDER:
+        return None
+    begun = max(int(np.argmax(delays_ms > delays_ms[0] + 0.1 * (last_ms - first_ms))) - 1, 0)
+    i, j = np.triu_indices(len(delays_ms), 1)
+    slope = float(np.median((delays_ms[j] - delays_ms[i]) / (middles_s[j] - middles_s[i])))
+    return DelayGrowth(float(middles_s[begun]) - PIECE_S / 2, float(delays_ms[0]), float(delays_ms[-1]), slope)
 
 
 class Reading(NamedTuple):
@@ -93,6 +128,7 @@ class Comparison:
         since_arrival: since the times of arrival.
         orientation: of the stream's body.
         world: of the stream's world.
+        growth: how the delay since the times of arrival grows; None if it does not.
         reading: the order in which quaternions make sense, if it is not w, x, y, z.
         carriers: the numbers, of those that the message names roll, pitch and yaw, that follow the vehicle's angles.
         transport_ms: what the autopilot subtracts at least from every time of arrival, for the transport of the bytes.
@@ -103,6 +139,7 @@ class Comparison:
     since_arrival: Delay
     orientation: ChosenAxes
     world: WorldAxes
+    growth: DelayGrowth | None = None
     reading: Reading | None = None
     carriers: tuple[Carrier, ...] = ()
     transport_ms: float = 0.0
@@ -203,11 +240,14 @@ def compare(
         found_carriers = carriers(
             pose.track.arrival_us, sent_rad, attitude.time_us, np.unwrap(attitude.euler_rad, axis=0), turned_rad
         )
+        growth = delay_growth(since_arrival, arrived_us, as_sent, (vehicle_us, vehicle_quats))
         is_quaternion = pose.euler_rad is None
         reading = level_reading(pose.quat_wxyz, attitude.at(pose.track.arrival_us)) if is_quaternion else None
         if reading is not None and not reading.name.startswith(LAST) and orientation.sufficient and world.sufficient:
             reading = None  # a mounting of the camera is likelier
-        found.append(Comparison(pose, delay, since_arrival, orientation, world, reading, found_carriers, transport_ms))
+        found.append(
+            Comparison(pose, delay, since_arrival, orientation, world, growth, reading, found_carriers, transport_ms)
+        )
     return tuple(found)
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Angles in another number or of the wrong sign, quaternions in another order: named; flights in order: nothing."""
 
+import re
 from itertools import permutations, product
 
 import numpy as np
@@ -17,7 +18,7 @@ from viso.geometry.rotation import quats_from_euler
 from viso.streams.stream_kinds import Stream, read_whole_stream
 
 STRANGERS = DATA / "strangers"
-CODES = {"XN2-08", "XN2-11", "XN2-13", "XN5-07"}
+CODES = {"XN2-08", "XN2-11", "XN2-13", "XN3-11", "XN3-13", "XN5-07"}
 OF_AXES = {"XN2-02", "XN2-06", "XN2-07", "XN2-10", "XN2-12", "XN8-05"}
 ROVER, SUB = 10, 12
 NOISY = Motion(noise_rad=0.005)
@@ -206,3 +207,32 @@ def test_body_on_its_side_is_named_where_nothing_else_shows_the_attitude(
 
 def test_body_that_leans_lies_not_on_its_side() -> None:
     assert "XN2-13" not in found_in(telemetry("ATT_POS_MOCAP", Motion(tilt_rad=1.2), attitude_hz=0.01))
+
+
+def test_growing_delay_of_strangers_is_named_with_when_and_how_fast() -> None:
+    finding = found_in_file("late_growing.tlog.gz")["XN3-13"]
+    assert finding.severity is Severity.ERROR
+    rate = re.search(r"grows by (\d+) ms a second", finding.evidence)
+    assert rate is not None
+    assert int(rate[1]) == pytest.approx(20, abs=2)
+
+
+@pytest.mark.parametrize(("begun_s", "ms_a_second"), [(0.0, 10.0), (10.0, 30.0), (0.0, 5.0)])
+def test_growing_delay_is_found(begun_s: float, ms_a_second: float) -> None:
+    def old(time_s: Floats) -> Floats:
+        return np.asarray(0.03 + ms_a_second * 1e-3 * np.maximum(time_s - begun_s, 0))
+
+    assert "XN3-13" in found_in(telemetry("ODOMETRY", Motion(noise_rad=0.002), delay_s=old))
+
+
+@pytest.mark.parametrize(
+    "motion", [NOISY, Motion(noise_rad=0.03), Motion(yaw_rad=0.02, tilt_rad=0.005, noise_rad=0.01)]
+)
+def test_delay_that_stays_does_not_grow(motion: Motion) -> None:
+    rough = np.random.default_rng(3)
+    for delay_s in (0.0, 0.35, 0.8):
+
+        def old(time_s: Floats, by_s: float = delay_s) -> Floats:
+            return np.asarray(by_s + 0.02 * rough.random(time_s.shape))
+
+        assert "XN3-13" not in found_in(telemetry(motion=motion, delay_s=old))
