@@ -176,8 +176,12 @@ def _of_stream(facts: Facts) -> Iterator[Remark]:
             f"for {length_s:.1f} s at worst, from {longest[0]:.1f} s on.",
         )
     for start, end in ending:
-        armed_too = ", armed" if overlap_s(facts.armed, ending) > 0 else ""
-        yield Remark(Level.WARNING, f"Nothing came in the last {end - start:.1f} s of the log{armed_too}.")
+        armed_s = overlap_s(facts.armed, ending)
+        state = (
+            f", armed for {armed_s:.1f} s of that" if armed_s > 0 else "" if facts.own.armed is None else ", disarmed"
+        )
+        level = Level.BAD if armed_s > STALE_S else Level.WARNING
+        yield Remark(level, f"Nothing came in the last {end - start:.1f} s of the log{state}.")
     for kind in facts.kinds:
         if kind.withheld:
             why = ", ".join(f"{count} for {reason}" for reason, count in kind.withheld_for.items() if count)

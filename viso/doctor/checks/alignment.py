@@ -147,7 +147,7 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
     attitude = evidence.vehicle.best_attitude
     if attitude is None:
         return
-    for poses in evidence.stream.poses:
+    for poses in evidence.poses_with_attitude:
         quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
         sent, vehicle = euler_from_quats(quats), attitude.at(poses.track.arrival_us)
         usable = np.isfinite(np.column_stack((sent, vehicle))).all(axis=1)
@@ -174,6 +174,8 @@ def _beside_vehicle(evidence: Evidence) -> Iterator[tuple[Poses, Ints, Floats, F
 )
 def tilted_attitude(evidence: Evidence) -> Iterator[Sighting]:
     severity = None if evidence.viso_type in ALIGNING_TYPES else Severity.WARNING
+    if not evidence.uses_attitude:
+        severity = Severity.NOTE
     for poses, chosen, sent, vehicle in _beside_vehicle(evidence):
         compared = comparison_of(poses, evidence.comparisons)
         if compared is not None and (compared.exchanged or compared.reading is not None):  # XN2-12, XN2-10
@@ -182,7 +184,8 @@ def tilted_attitude(evidence: Evidence) -> Iterator[Sighting]:
         mask = lasting(poses.track.arrival_us[chosen], angle > limits.ATTITUDE_OFF_RAD)
         if mask.any():
             middle = math.degrees(float(np.median(angle[mask])))
-            text = f"roll and pitch are {middle:.0f} deg from the vehicle's own"
+            unused = "" if evidence.uses_attitude else " (VISO_TYPE is 1, and nothing uses the attitude)"
+            text = f"roll and pitch are {middle:.0f} deg from the vehicle's own{unused}"
             yield _apart(poses, chosen, mask, text, severity)
 
 

@@ -131,7 +131,7 @@ def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
     vehicle = evidence.vehicle.best_attitude
     if vehicle is None or len(vehicle) < FEWEST_MESSAGES or not is_of_one_time(evidence):
         return
-    for poses in evidence.stream.poses:
+    for poses in evidence.poses_with_attitude:
         quats = oriented(poses.quat_wxyz, evidence.viso_type, int(evidence.param("VISO_ORIENT")))
         compared = comparison_of(poses, evidence.comparisons)
         delay_us = 0 if compared is None else int(compared.late_ms * 1e3)

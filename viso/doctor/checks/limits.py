@@ -15,8 +15,12 @@ HEALTHY_US: Final = 300_000
 """AP_VisualOdom_Backend::healthy: without a message for longer, the sensor is unhealthy."""
 FRESH_US: Final = 500_000
 """NavEKF3_core::selectHeightForFusion: after longer, the height comes from the barometer."""
+STATUS_NEAR_US: Final = 2_000_000
+"""An older SYS_STATUS does not tell how the sensor is."""
 POSITION_LOST_US: Final = 7_000_000
 """NavEKF3_core::setAidingMode: without a position for longer, the filter gives it up."""
+AIDING_STOPS_US: Final = 15_000_000
+"""NavEKF3_core::setAidingMode: without anything for longer, the filter stops aiding."""
 FAST_PERIOD_US: Final = 19_500
 """NavEKF3_core::writeExtNavData drops what comes within 20 ms of the sample before; less half a ms for rounding."""
 MOST_LAG_MS: Final = 500.0

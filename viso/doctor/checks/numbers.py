@@ -3,6 +3,7 @@
 """XN5: the numbers themselves: units, NaN, covariances."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -49,8 +50,12 @@ def nan_position(evidence: Evidence) -> Iterator[Sighting]:
     fix="Send the attitude that belongs to the position.",
 )
 def nan_attitude(evidence: Evidence) -> Iterator[Sighting]:
+    text, severity = "have NaN in the attitude", None
+    if not evidence.uses_attitude:
+        text, severity = f"{text}, which nothing uses: positions alone are fused", Severity.NOTE
     for poses in evidence.stream.poses:
-        yield from masked("have NaN in the attitude", poses.track, np.isnan(poses.quat_wxyz).any(axis=1))
+        for sighting in masked(text, poses.track, np.isnan(poses.quat_wxyz).any(axis=1)):
+            yield replace(sighting, severity=severity)
 
 
 @check(
@@ -96,7 +101,7 @@ def infinite_numbers(evidence: Evidence) -> Iterator[Sighting]:
     fix="Normalise q; its order is w, x, y, z, while ROS has x, y, z, w.",
 )
 def quaternion_norm(evidence: Evidence) -> Iterator[Sighting]:
-    for poses in evidence.stream.poses:
+    for poses in evidence.poses_with_attitude:
         if poses.euler_rad is None:
             norm = np.linalg.norm(poses.quat_wxyz, axis=1)
             mask = np.isfinite(norm) & (np.abs(norm - 1) > limits.NORM_TOLERANCE)

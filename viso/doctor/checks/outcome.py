@@ -314,3 +314,27 @@ def autopilot_texts(evidence: Evidence) -> Iterator[Sighting]:
         known = [one.fix for _, one in texts_like(text)] if any(one.fits(text) for _, one in all_texts()) else []
         fix = f"{known[0][0].upper()}{known[0][1:]}." if known else None
         yield Sighting(f'at {at(time_us)} your autopilot said "{text}"{more}', start_us=time_us, fix=fix)
+
+
+@check(
+    code="XN9-07",
+    severity=Severity.WARNING,
+    title="The height does not come from external navigation",
+    firmware=(
+        "With EK3_SRC1_POSZ 6 a height counts only while the last sample, by its corrected stamp, is younger than 500 "
+        "ms. Else the barometer gives the height, without a text, and the next sample that is young enough sets it."
+    ),
+    source="AP_NavEKF3_PosVelFusion.cpp, NavEKF3_core::selectHeightForFusion",
+    fix=(
+        "Mend what makes samples old or rare: see the findings about stamps, delay and gaps. If the barometer is to "
+        "give the height, set EK3_SRC1_POSZ 1."
+    ),
+    witness=Witness.MODEL,
+)
+def height_by_others(evidence: Evidence) -> Iterator[Sighting]:
+    used = evidence.height_by_extnav
+    if used is not None and used.is_rare:
+        yield Sighting(
+            f"EK3_SRC1_POSZ is 6 (ExtNav), and of {used.positions} positions that were fused {used.heights} gave the "
+            "height: it came from the barometer"
+        )

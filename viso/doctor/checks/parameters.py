@@ -16,7 +16,7 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, listed, share
 from viso.doctor.evidence.evidence import Evidence
-from viso.doctor.evidence.own_filter import Witness
+from viso.doctor.evidence.own_filter import VELOCITY, Witness
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 
@@ -97,11 +97,17 @@ def source_without_message(evidence: Evidence) -> Iterator[Sighting]:
     has_velocity = bool(evidence.stream.velocities) or _deltas(evidence)
     poses = [name for name in ("POSXY", "POSZ", "YAW") if evidence.source(name) == EXTNAV]
     velocities = [name for name in ("VELXY", "VELZ") if evidence.source(name) == EXTNAV]
+    aids = any(span.mode is not AidingMode.NONE for span in evidence.trial.aiding)
     if poses and not evidence.stream.poses:
-        yield Sighting(f"{_parameters(poses)} {_is(poses)} 6 (ExtNav), and the stream carries no poses")
+        by_deltas = poses == ["POSXY"] and _deltas(evidence) and aids
+        how = ": by VISION_POSITION_DELTA it navigates relatively, from where it starts" if by_deltas else ""
+        yield Sighting(
+            f"{_parameters(poses)} {_is(poses)} 6 (ExtNav), and the stream carries no poses{how}",
+            fix="Nothing, if a position relative to the start will do; else send poses." if by_deltas else None,
+            severity=Severity.NOTE if by_deltas else None,
+        )
     if velocities and not has_velocity:
         has_position = "POSXY" in poses and bool(evidence.stream.poses)
-        aids = any(span.mode is not AidingMode.NONE for span in evidence.trial.aiding)
         without = ": it navigates by poses alone" if has_position and aids else ""
         yield Sighting(
             f"{_parameters(velocities)} {_is(velocities)} 6 (ExtNav), and the stream carries no velocities{without}",
@@ -157,7 +163,8 @@ def inactive_source_set(evidence: Evidence) -> Iterator[Sighting]:
     in_first = any(evidence.source(name) == EXTNAV for name in ROWS)
     later = [n for n in SOURCE_SETS[1:] if any(evidence.source(name, n) == EXTNAV for name in ROWS)]
     if evidence.stream.vision and later and not in_first:
-        yield Sighting(f"only source set {later[0]} names external navigation; set 1 is in use after boot")
+        but = ", but EK3_SRC_OPTIONS fuses the velocities of all sets" if evidence.velocities_of_other_sets else ""
+        yield Sighting(f"only source set {later[0]} names external navigation; set 1 is in use after boot{but}")
 
 
 @check(
@@ -170,7 +177,7 @@ def inactive_source_set(evidence: Evidence) -> Iterator[Sighting]:
     witness=Witness.LOG,
 )
 def velocities_not_used(evidence: Evidence) -> Iterator[Sighting]:
-    has_source = EXTNAV in (evidence.source("VELXY"), evidence.source("VELZ"))
+    has_source = EXTNAV in (evidence.source("VELXY"), evidence.source("VELZ")) or evidence.velocities_of_other_sets
     if evidence.stream.velocities and evidence.source("POSXY") == EXTNAV and not has_source:
         yield Sighting(
             f"{evidence.stream.velocities[0].track.sender} carries velocities; EK3_SRC1_VELXY and VELZ are not 6"
@@ -391,3 +398,94 @@ def assumed_parameters(evidence: Evidence) -> Iterator[Sighting]:
 def not_set_up(evidence: Evidence) -> Iterator[Sighting]:
     if not evidence.stream.vision and evidence.is_off and not evidence.requests:
         yield Sighting("nothing asks for external navigation, and no message of it is there")
+
+
+def _armed_unhealthy(evidence: Evidence) -> Iterator[tuple[float, str]]:
+    """Yield when the vehicle was armed while the vision sensor was unhealthy, in s, and what shows that."""
+    own, sensor = evidence.vehicle.own_filter, evidence.vision_sensor
+    if own is None or evidence.is_sensor_shared:
+        return
+    taken_us = np.array([message.arrival_us for message in evidence.stream.vision if message.is_taken], dtype=np.int64)
+    for start_s, end_s in own.armed or ():
+        start_us, end_us = int(start_s * 1e6), int(end_s * 1e6)
+        if sensor is not None and len(sensor.time_us):
+            latest = int(np.searchsorted(sensor.time_us, start_us, side="right")) - 1
+            is_near = latest >= 0 and start_us - sensor.time_us[latest] < limits.STATUS_NEAR_US
+            if is_near and sensor.enabled[latest] and not sensor.healthy[latest]:
+                within = sensor.enabled & (sensor.time_us >= start_us) & (sensor.time_us <= end_us)
+                ill = share(int((within & ~sensor.healthy).sum()), int(within.sum()))
+                yield start_s, f"SYS_STATUS, unhealthy in {ill} messages while armed"
+        elif len(taken_us) and len(own.time_us) and own.time_us[0] < start_us - limits.STATUS_NEAR_US:
+            latest = int(np.searchsorted(taken_us, start_us, side="right")) - 1
+            if latest < 0:
+                yield start_s, f"no message before {at(taken_us[0])}"
+            elif start_us - taken_us[latest] > limits.HEALTHY_US:
+                yield start_s, f"no message for {1e-6 * (start_us - taken_us[latest]):.1f} s"
+
+
+@check(
+    code="XN7-18",
+    severity=Severity.ERROR,
+    title="Arming does not wait for the vision sensor",
+    firmware=(
+        "The vision check is bit 18 of ARMING_CHECK (with bit 0 every check is made), later of ARMING_SKIPCHK, which "
+        "names the checks to leave out. Without it, or by force, a vehicle arms whether external navigation comes or "
+        "not."
+    ),
+    source="AP_Arming.cpp, AP_Arming::visodom_checks",
+    fix=(
+        "Turn the check on: ARMING_CHECK 1, or add 262144 (bit 18) to it; from 4.7 on take bit 18 off ARMING_SKIPCHK. "
+        "Do not arm by force, and find out why no message comes."
+    ),
+    witness=Witness.LOG,
+)
+def arms_without_vision(evidence: Evidence) -> Iterator[Sighting]:
+    if not evidence.set_up.known.get("VISO_TYPE"):
+        return
+    checks, setting = evidence.checks_vision, evidence.arming_parameter
+    why = {
+        None: "whether arming checks it is not in the recording",
+        False: f"{setting} leaves the vision check (bit 18) out",
+        True: f"{setting} asks for the check, so it was armed by force, or the check was changed",
+    }[checks]
+    found = list(_armed_unhealthy(evidence))
+    for start_s, shown in found[:1]:
+        often = "" if len(found) == 1 else f", {len(found)} times"
+        yield Sighting(
+            f"armed at {at(1e6 * start_s)}{often} with an unhealthy vision sensor ({shown}): {why}",
+            start_us=int(1e6 * start_s),
+            severity=None if EXTNAV in (evidence.source("POSXY"), evidence.source("VELXY")) else Severity.WARNING,
+        )
+    if checks is False and not found:
+        yield Sighting(f"{why}: the vehicle would arm with an unhealthy camera", severity=Severity.NOTE)
+
+
+@check(
+    code="XN7-19",
+    severity=Severity.WARNING,
+    title="Velocities of sets that are not active are fused, too",
+    firmware=(
+        "Bit 0 of EK3_SRC_OPTIONS fuses the velocities that any source set names, whichever set is active: those of a "
+        "camera beside those of a GPS. In 4.6 the bit is set by default."
+    ),
+    source="AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::useVelXYSource",
+    fix="Take bit 0 off EK3_SRC_OPTIONS, unless both velocities are good, in the same axes, and wanted at once.",
+    witness=Witness.LOG,
+)
+def all_velocities_fused(evidence: Evidence) -> Iterator[Sighting]:
+    named = evidence.velocities_of_other_sets
+    if not named or not (evidence.stream.velocities or _deltas(evidence)):
+        return
+    own = evidence.vehicle.own_filter
+    over = None if own is None else own.over_one(VELOCITY, ~own.fed_by_extnav(VELOCITY))
+    much = over is not None and over.over_s >= limits.RATIO_SHORT_S
+    contradict = ""
+    if over is not None and much:
+        contradict = (
+            f"; the velocity test ratio was above 1 for {over.over_s:.1f} s: the velocities contradict each other"
+        )
+    yield Sighting(
+        f"EK3_SRC_OPTIONS is {evidence.param('EK3_SRC_OPTIONS'):.0f}, and {listed(named)} {_is(named)} 6 (ExtNav) "
+        f"while set 1 has another source: the stream's velocities are fused all the time{contradict}",
+        severity=Severity.ERROR if much else None,
+    )

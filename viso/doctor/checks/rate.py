@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from ekf_stub.ahrs.sources import EXTNAV
 from ekf_stub.inputs.ingest_rules import TOO_SOON
 from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
@@ -15,6 +16,7 @@ from viso.doctor.checks.phrases import at, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, sender_clock
 from viso.doctor.evidence.tracks import HandledMessage, Track
+from viso.estimators.series import overlap_s
 
 _HEALTH: Final = "AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy"
 _INGEST: Final = "AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData"
@@ -52,8 +54,8 @@ def _slow_us(evidence: Evidence) -> float:
     title="Too few messages",
     firmware=(
         "The sensor is healthy for 300 ms after a message; at less than 4 per second, each message that is a little "
-        "late makes it unhealthy. Arming fails with VisOdom: not healthy, and the filter has little to correct itself "
-        "with."
+        "late makes it unhealthy. With the vision check on, arming then fails with VisOdom: not healthy, and the "
+        "filter has little to correct itself with."
     ),
     source=_HEALTH,
     fix="Send 10 to 40 messages per second.",
@@ -64,7 +66,43 @@ def too_few_messages(evidence: Evidence) -> Iterator[Sighting]:
         yield Sighting.in_messages(text, _taken(evidence))
 
 
+def _silence_at_end(evidence: Evidence, least_us: int, most_us: int) -> Iterator[Sighting]:
+    """Yield the time without messages before the recording's end, unless it begins after the last disarming."""
+    taken, own = _taken(evidence), evidence.vehicle.own_filter
+    if not taken:
+        return
+    last_us, end_us = taken[-1].arrival_us, evidence.until_us
+    armed = None if own is None else own.armed
+    is_over = bool(armed) and last_us >= 1e6 * armed[-1][1]
+    if not least_us <= end_us - last_us < most_us or is_over:
+        return
+    steps = [("the sensor is unhealthy", limits.HEALTHY_US)]
+    if evidence.source("POSXY") == EXTNAV:
+        steps += [("position times out", limits.POSITION_LOST_US), ("aiding stops", limits.AIDING_STOPS_US)]
+    if evidence.source("POSZ") == EXTNAV:
+        steps.insert(1, ("height comes from the barometer", limits.FRESH_US))
+    due = ", ".join(
+        f"{what} from {at(last_us + after_us)} on" for what, after_us in steps if last_us + after_us < end_us
+    )
+    silent_s = 1e-6 * (end_us - last_us)
+    if armed is None:
+        state, severity = "", Severity.WARNING
+    elif (armed_s := overlap_s(armed, [(1e-6 * last_us, 1e-6 * end_us)])) > 0:
+        state, severity = f", armed for {armed_s:.1f} s of that", None
+    else:
+        state, severity = ", disarmed", Severity.NOTE
+    yield Sighting(
+        f"the stream stopped: nothing came in the last {silent_s:.1f} s of the recording, from {at(last_us)} on{state}"
+        f"; {due or 'it ends before that matters'}",
+        [taken[-1].number],
+        last_us,
+        end_us,
+        severity=severity,
+    )
+
+
 def _gaps_between(evidence: Evidence, least_us: int, most_us: int) -> Iterator[Sighting]:
+    yield from _silence_at_end(evidence, least_us, most_us)
     gaps = [gap for gap in _gaps(evidence) if least_us <= gap[2] < most_us]
     if not gaps:
         return
@@ -84,7 +122,8 @@ def _gaps_between(evidence: Evidence, least_us: int, most_us: int) -> Iterator[S
     severity=Severity.WARNING,
     title="Gaps of more than 300 ms",
     firmware=(
-        "The sensor counts as unhealthy until the next message: its bit in SYS_STATUS is cleared, and arming fails."
+        "The sensor counts as unhealthy until the next message: its bit in SYS_STATUS is cleared, and arming fails if "
+        "the vision check is on."
     ),
     source=_HEALTH,
     fix=(

@@ -56,15 +56,16 @@ def _severity_of(found: OverOne) -> Severity:
     return Severity.WARNING if is_some else Severity.NOTE
 
 
-def _ratio_text(own: OwnFilter, found: OverOne) -> str:
-    """Return how long a ratio was above 1, in words."""
+def _ratio_text(own: OwnFilter, found: OverOne, fused_too: bool) -> str:
+    """Return how long a ratio was above 1, in words; ``fused_too`` tells that ExtNav's velocity is fused as well."""
     labels = _OF_TELEMETRY if own.record == "EKF_STATUS_REPORT" else _OF_LOG
     name, field = CHANNELS[found.channel], f"{own.record}.{labels[found.channel]}"
+    source = f"{found.source} and ExtNav, by EK3_SRC_OPTIONS" if fused_too else found.source
     part = f"{100 * found.share:.0f} %" if found.share >= _TELLING else f"{found.over_s:.1f} s"
     long = f"{part} of {found.used_s:.0f} s{_armed_text(found.armed_s, found.over_s)}"
     off = "" if found.innovation is None else f"; {name} was up to {found.innovation:.3g} {_UNITS[found.channel]} off"
     return (
-        f"the autopilot's own {name} test ratio ({field}, {name} from {found.source}) was above 1 for {long}, from "
+        f"the autopilot's own {name} test ratio ({field}, {name} from {source}) was above 1 for {long}, from "
         f"{at(found.first_us)} on, worst {found.worst:.1f} at {at(found.worst_us)}{off}"
     )
 
@@ -88,7 +89,7 @@ def _over_one(evidence: Evidence, by_extnav: bool) -> Iterator[tuple[OverOne, st
         if ratio is not None:
             found.append(ratio)
     for ratio in sorted(found, key=lambda ratio: -ratio.share):
-        yield ratio, _ratio_text(own, ratio)
+        yield ratio, _ratio_text(own, ratio, ratio.channel == VELOCITY and bool(evidence.velocities_of_other_sets))
 
 
 @check(
@@ -143,7 +144,7 @@ def rejected_other_sensor(evidence: Evidence) -> Iterator[Sighting]:
     title="The autopilot calls its vision sensor unhealthy",
     firmware=(
         "With VISO_TYPE set the sensor is present and enabled; if no message reaches the driver for 300 ms it is "
-        "unhealthy, and arming is refused: VisOdom: not healthy."
+        "unhealthy. With the vision check on, arming is then refused: VisOdom: not healthy."
     ),
     source="AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::healthy; GCS_Common.cpp, GCS::update_sensor_status_flags",
     fix="Look for messages that the autopilot drops (frames, ids, link, rate) or that are never sent.",
@@ -356,3 +357,32 @@ def reports_not_recorded(evidence: Evidence) -> Iterator[Sighting]:
         missing.append(f"test ratios in {own.record}")
     if missing:
         yield Sighting(f"the recording holds no {' and no '.join(missing)}")
+
+
+@check(
+    code="XN9-18",
+    severity=Severity.WARNING,
+    title="The EKF has no origin, so its failsafe never acts",
+    firmware=(
+        "Copter's EKF check returns at once while the EKF has no origin: no EKF variance, no failsafe and no landing, "
+        "whatever happens to external navigation. Modes that need no global position arm without one."
+    ),
+    source=_CHECK,
+    fix=(
+        "Send SET_GPS_GLOBAL_ORIGIN (any place will do) before arming, before the first pose if EK3_SRC1_POSZ is 6; or "
+        "set the EKF origin in the ground station. Look for the text origin set."
+    ),
+    witness=Witness.LOG,
+)
+def no_origin(evidence: Evidence) -> Iterator[Sighting]:
+    own = evidence.vehicle.own_filter
+    if own is None or own.has_origin is not False or not own.armed or not own.wants_extnav.any():
+        return
+    shown = "no ORGN record" if own.witness is Witness.LOG else "GLOBAL_POSITION_INT is always 0, 0"
+    armed_s = total_s(own.armed)
+    yield Sighting(
+        f"armed for {armed_s:.1f} s, from {at(1e6 * own.armed[0][0])} on, with external navigation as a source and "
+        f"without an origin ({shown})",
+        start_us=int(1e6 * own.armed[0][0]),
+        end_us=int(1e6 * own.armed[-1][1]),
+    )

@@ -3,16 +3,42 @@
 """All that checks may look at."""
 
 from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 from ekf_stub.ahrs.sources import EXTNAV, ROWS
-from viso.doctor.evidence.compare import Comparison, PathComparison
+from mav_handlers.wire.messages import ODOMETRY
+from viso.doctor.evidence.compare import ALIGNING_TYPES, Comparison, PathComparison
 from viso.doctor.evidence.flow_fit import FlowFit
 from viso.doctor.evidence.own_filter import VisionSensor, Witness
+from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES
 from viso.doctor.evidence.set_up import SetUp
 from viso.doctor.evidence.stream_data import StreamData
+from viso.doctor.evidence.tracks import Poses
 from viso.doctor.evidence.trial import Trial
 from viso.doctor.evidence.vehicle_data import VehicleData
 from viso.doctor.evidence.vehicle_position import SOURCE_SETS
+from viso.streams.stream_kinds import Aspect
+from viso.vehicle.outcomes import OutcomeKind, outcome_kind
+
+
+class HeightUse(NamedTuple):
+    """How many of some positions that were fused gave the height."""
+
+    heights: int
+    positions: int
+
+    @property
+    def is_rare(self) -> bool:
+        """Whether most of the time something else, the barometer as a rule, gave the height."""
+        return 2 * self.heights < self.positions
+
+
+VISION_CHECK: Final = 1 << 18
+"""The bit of visual odometry in ARMING_CHECK and ARMING_SKIPCHK."""
+
+_FUSE_ALL_VELOCITIES: Final = 1 << 0  # of EK3_SRC_OPTIONS
+_CHECKS: Final = "ARMING_CHECK"
+_SKIPPED_CHECKS: Final = "ARMING_SKIPCHK"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +79,16 @@ class Evidence:
         return Witness.STREAM if self.vehicle.own_filter is None else self.vehicle.own_filter.witness
 
     @property
+    def until_us(self) -> int:
+        """When the recording ends, us since boot: a log goes on after its last message of external navigation."""
+        own, lacks = self.vehicle.own_filter, self.stream.lacks
+        if own is None or own.witness is not Witness.LOG or Aspect.LINK not in lacks or Aspect.RESETS in lacks:
+            return self.stream.end_us
+        attitude = self.vehicle.attitude
+        ends = [times[-1] for times in (own.time_us, () if attitude is None else attitude.time_us) if len(times)]
+        return max(self.stream.end_us, *map(int, ends)) if ends else self.stream.end_us
+
+    @property
     def system_id(self) -> int:
         """The vehicle's own system id at boot."""
         return int(self.param(self.set_up.firmware.endpoint.params.system_id))
@@ -90,6 +126,63 @@ class Evidence:
     @property
     def _hears_landing_targets(self) -> bool:
         return "LANDING_TARGET" in self.stream.kinds
+
+    @property
+    def uses_attitude(self) -> bool:
+        """Whether anything uses the attitude of poses: types 2 and 3, a source of yaw, or velocities of ODOMETRY."""
+        if self.viso_type in ALIGNING_TYPES or any(self.source("YAW", number) == EXTNAV for number in SOURCE_SETS):
+            return True
+        turned = any(one.track.sender.name == ODOMETRY.__name__ for one in self.stream.velocities)
+        return turned and any(
+            EXTNAV in (self.source("VELXY", number), self.source("VELZ", number)) for number in SOURCE_SETS
+        )
+
+    @property
+    def velocities_of_other_sets(self) -> list[str]:
+        """The velocity sources of sets 2 and 3 that are fused though set 1 names another, by EK3_SRC_OPTIONS."""
+        if not int(self.param("EK3_SRC_OPTIONS")) & _FUSE_ALL_VELOCITIES:
+            return []
+        return [
+            f"EK3_SRC{number}_{name}"
+            for number in SOURCE_SETS[1:]
+            for name in ("VELXY", "VELZ")
+            if self.source(name, number) == EXTNAV != self.source(name)
+        ]
+
+    @property
+    def poses_with_attitude(self) -> tuple[Poses, ...]:
+        """Poses whose attitude can be judged: it is there, or it is used, so that it should be."""
+        return tuple(poses for poses in self.stream.poses if poses.has_attitude or self.uses_attitude)
+
+    @property
+    def height_by_extnav(self) -> HeightUse | None:
+        """How many positions were fused, and how many of them gave the height (a model's opinion).
+
+        None if EK3_SRC1_POSZ is not 6, if too few positions were fused, or if none was tried.
+        """
+        if self.source("POSZ") != EXTNAV:
+            return None
+        fused = heights = 0
+        for message in self.stream.vision:
+            for sample in message.samples:
+                kinds = {test.outcome.kind: outcome_kind(test.outcome.rule) for test in sample.outcomes}
+                fused += kinds.get("pose") is OutcomeKind.FUSED
+                heights += kinds.get("height") in (OutcomeKind.FUSED, OutcomeKind.REJECTED, OutcomeKind.RESET)
+        return HeightUse(heights, fused) if fused >= FEWEST_MESSAGES else None
+
+    @property
+    def arming_parameter(self) -> str:
+        """The parameter by which arming checks the vision sensor or not, with its value; "" if it is not known."""
+        names = [name for name in (_SKIPPED_CHECKS, _CHECKS) if name in self.set_up.known]
+        return f"{names[0]} {self.set_up.known[names[0]]:.0f}" if names else ""
+
+    @property
+    def checks_vision(self) -> bool | None:
+        """Whether arming checks the vision sensor (AP_Arming::check_enabled); None if that is not known."""
+        known = self.set_up.known
+        if _SKIPPED_CHECKS in known:
+            return not int(known[_SKIPPED_CHECKS]) & VISION_CHECK
+        return bool(int(known[_CHECKS]) & (VISION_CHECK | 1)) if _CHECKS in known else None
 
     @property
     def has_sensor(self) -> bool | None:

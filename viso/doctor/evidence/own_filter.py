@@ -43,6 +43,7 @@ _NAMES: Final[tuple[Mapping[int, str], ...]] = tuple(
     for kind in (SourceXY, SourceXY, SourceZ, SourceYaw)
 )
 _OF_A_CORE: Final = re.compile(r"EKF[23] IMU(\d) (.*)")
+_ORIGIN: Final = re.compile(r"origin set|Field Elevation Set")
 _BY_EXTNAV: Final = ("is using external nav", "fusing odometry")
 _BY_OTHERS: Final = ("is using ", "stopped aiding", "started relative aiding", "fusing optical flow", "initialised")
 
@@ -134,6 +135,7 @@ class OwnFilter:
         lanes: time and core of each change of the primary core.
         others: other cores with a ratio above 1.
         vision: the sensor in SYS_STATUS; None without any, as in logs.
+        has_origin: whether the EKF got an origin; None if that is not known.
     """
 
     witness: Witness
@@ -151,6 +153,7 @@ class OwnFilter:
     lanes: tuple[tuple[int, int], ...] = ()
     others: tuple[OtherCore, ...] = ()
     vision: VisionSensor | None = None
+    has_origin: bool | None = None
 
     @property
     def has_ratios(self) -> bool:
@@ -271,6 +274,11 @@ class OwnFilter:
         """Return the spans of a mask over the records, in s."""
         time_s = self.time_us * 1e-6
         return [(float(time_s[a]), float(time_s[min(b, len(time_s) - 1)])) for a, b in stretches_of(mask)]
+
+
+def says_origin(texts: Iterable[tuple[int, str]]) -> bool:
+    """Return whether a text reports that an origin was set."""
+    return any(_ORIGIN.search(text) is not None for _, text in texts)
 
 
 def source_name(channel: int, value: int) -> str:

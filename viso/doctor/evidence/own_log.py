@@ -15,6 +15,7 @@ from viso.doctor.evidence.own_filter import (
     Witness,
     aiding_texts,
     innovation_sizes,
+    says_origin,
     sources_over,
     spans_between,
 )
@@ -76,7 +77,15 @@ def own_filter_in(log: LogColumns) -> OwnFilter:
         ),
         lanes=tuple(_lanes(records.every_status)),
         others=tuple(_others(records)),
+        has_origin=_has_origin(log, texts),
     )
+
+
+def _has_origin(log: LogColumns, texts: tuple[tuple[int, str], ...]) -> bool | None:
+    """Return whether the EKF got an origin: ORGN is written when it is set, and at the begin of a log that has one."""
+    if log.counts.get("ORGN") or says_origin(texts):
+        return True
+    return False if "ORGN" in log.types and texts else None
 
 
 def _us(time_s: Floats) -> Ints:

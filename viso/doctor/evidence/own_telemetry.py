@@ -9,13 +9,21 @@ from typing import Final
 
 import numpy as np
 
-from mav_handlers.wire.messages import EKF_STATUS_REPORT, HEARTBEAT, SYS_STATUS, Message
+from mav_handlers.wire.messages import (
+    EKF_STATUS_REPORT,
+    GLOBAL_POSITION_INT,
+    GPS_GLOBAL_ORIGIN,
+    HEARTBEAT,
+    SYS_STATUS,
+    Message,
+)
 from viso.doctor.evidence.own_filter import (
     CHANNELS,
     OwnFilter,
     VisionSensor,
     Witness,
     aiding_texts,
+    says_origin,
     sources_over,
     spans_between,
 )
@@ -36,6 +44,7 @@ class FilterListener:
         self._reports: list[tuple[int, int, tuple[float, ...]]] = []
         self._sensors: list[tuple[int, int, int, int]] = []
         self._armed: list[tuple[int, bool]] = []
+        self._places, self._has_place = 0, False
         self._end_us = 0
 
     def take(self, time_us: int, message: Message | None) -> None:
@@ -56,6 +65,11 @@ class FilterListener:
                 message.onboard_control_sensors_health,
             )
             self._sensors.append((time_us, *bits))
+        elif isinstance(message, GPS_GLOBAL_ORIGIN):
+            self._has_place = True
+        elif isinstance(message, GLOBAL_POSITION_INT):  # of 0, 0 without an origin
+            self._places += 1
+            self._has_place |= message.lat != 0 or message.lon != 0
         elif isinstance(message, HEARTBEAT):
             self._armed.append((time_us, bool(message.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)))
 
@@ -87,6 +101,7 @@ class FilterListener:
             failsafes=tuple((at, text) for at, text in texts if _FAILSAFE.match(text)),
             lanes=tuple((at, int(match[1])) for at, text in texts if (match := _LANE.match(text))),
             vision=self._vision(),
+            has_origin=True if self._has_place or says_origin(texts) else False if self._places else None,
         )
 
     def _vision(self) -> VisionSensor | None:

@@ -158,6 +158,12 @@ class Poses:
     reset_counter: Ints
     quality: Ints
 
+    @property
+    def has_attitude(self) -> bool:
+        """Whether any attitude is there: senders of positions alone fill it with zeros, NaN or identity."""
+        vectors = np.abs(self.quat_wxyz[:, 1:])
+        return bool((vectors > 0).any() or np.isinf(self.quat_wxyz).any())
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Velocities:

@@ -11,11 +11,12 @@ from typing import Final
 import numpy as np
 
 from ap_core.verdict import VerdictKind
+from ekf_stub.ahrs.sources import EXTNAV
 from ekf_stub.reports import AidingMode
 from viso.doctor.checks import limits
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.lags import lateness_ms, shows_lags
-from viso.doctor.evidence.own_filter import CHANNELS, NOT_KNOWN, OwnFilter, Witness, source_name
+from viso.doctor.evidence.own_filter import CHANNELS, HEIGHT, NOT_KNOWN, VELOCITY, Witness, source_name
 from viso.streams.stream_kinds import Aspect
 from viso.vehicle.outcomes import OutcomeKind, outcome_kind
 
@@ -118,7 +119,8 @@ class Summary:
         }
 
 
-def _own_filter_summary(own: OwnFilter | None) -> OwnFilterSummary | None:
+def _own_filter_summary(evidence: Evidence) -> OwnFilterSummary | None:
+    own = evidence.vehicle.own_filter
     if own is None or not own.record:
         return None
     step_s, usable = own.step_s, own.usable
@@ -126,6 +128,11 @@ def _own_filter_summary(own: OwnFilter | None) -> OwnFilterSummary | None:
     largest = {name: round(value, 2) for name, value in zip(CHANNELS, worst.tolist(), strict=True) if value >= 0}
     by = {name: own.source(number) for number, name in enumerate(CHANNELS) if name in largest}
     sources = {name: source_name(CHANNELS.index(name), source) for name, source in by.items() if source != NOT_KNOWN}
+    height = evidence.height_by_extnav
+    if height is not None and height.is_rare and own.source(HEIGHT) == EXTNAV and CHANNELS[HEIGHT] in sources:
+        sources[CHANNELS[HEIGHT]] = "barometer, by the model, as no fresh ExtNav came"
+    if evidence.velocities_of_other_sets and CHANNELS[VELOCITY] in sources:
+        sources[CHANNELS[VELOCITY]] += " and ExtNav, by EK3_SRC_OPTIONS"
     running_s, positioned_s = (float(step_s[mask].sum()) for mask in (own.running, own.uses_extnav))
     return OwnFilterSummary(own.witness, own.record, running_s, positioned_s, largest, sources)
 
@@ -170,5 +177,5 @@ def summarise(evidence: Evidence) -> Summary:
         aiding_from_us=aided[0].start_us if aided else None,
         aiding_until_us=aided[-1].end_us if aided and not goes_on else None,
         lags=() if Aspect.ARRIVAL in evidence.stream.lacks else _lags(evidence),
-        own=_own_filter_summary(evidence.vehicle.own_filter),
+        own=_own_filter_summary(evidence),
     )

@@ -24,6 +24,8 @@ from tests.unit.viso.report.log_maker import LOST
 from viso.doctor import CHECKS, Finding, Severity, diagnose, gather
 from viso.doctor.evidence.own_log import own_filter_in
 from viso.doctor.evidence.vehicle_data import vehicle_of_log
+from viso.doctor.output.summary import summarise
+from viso.doctor.output.terminal import summary_lines
 from viso.streams.stream_kinds import read_whole_stream
 
 STRANGERS = DATA / "strangers"
@@ -171,3 +173,25 @@ def test_heartbeats_of_others_do_not_arm(tmp_path: Path) -> None:
     own = gather(stream).vehicle.own_filter
     assert own is not None
     assert own.armed == ()
+
+
+def test_vehicle_that_was_armed_all_the_same_is_not_said_to_refuse() -> None:
+    findings = stranger("armed_unhealthy")
+    told = findings["XN7-18"]
+    assert told.severity is Severity.ERROR
+    assert "ARMING_CHECK 448 leaves the vision check (bit 18) out" in told.evidence
+    assert "unhealthy in 126 of 126" in told.evidence
+    assert not any("refuse" in finding.evidence for finding in findings.values())
+
+
+# The height
+
+
+def test_height_of_a_constant_stamp_comes_from_the_barometer() -> None:
+    evidence = gather(read_whole_stream(STRANGERS / "constant_stamp.tlog.gz", 0))
+    findings = {finding.code: finding for finding in diagnose(evidence, CHECKS)}
+    assert findings["XN3-01"].severity is Severity.ERROR
+    assert "1 gave the height: it came from the barometer" in findings["XN9-07"].evidence
+    told = " ".join(summary_lines(summarise(evidence)))
+    assert "height 0.06 (barometer" in told
+    assert "height 0.06 (ExtNav)" not in told
