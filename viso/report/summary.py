@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Finding, Severity
 from viso.doctor.checks.recorded import OWN_CODES, POSITION_CODES, RATIO_CODES
 from viso.doctor.evidence.own_filter import POSITION
@@ -180,7 +181,7 @@ def _of_stream(facts: Facts) -> Iterator[Remark]:
         state = (
             f", armed for {armed_s:.1f} s of that" if armed_s > 0 else "" if facts.own.armed is None else ", disarmed"
         )
-        level = Level.BAD if armed_s > STALE_S else Level.WARNING
+        level = Level.BAD if armed_s * 1e6 > limits.END_TOGETHER_US else Level.WARNING
         yield Remark(level, f"Nothing came in the last {end - start:.1f} s of the log{state}.")
     for kind in facts.kinds:
         if kind.withheld:

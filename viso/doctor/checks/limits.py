@@ -19,6 +19,8 @@ STATUS_NEAR_US: Final = 2_000_000
 """An older SYS_STATUS does not tell how the sensor is."""
 POSITION_LOST_US: Final = 7_000_000
 """NavEKF3_core::setAidingMode: without a position for longer, the filter gives it up."""
+END_TOGETHER_US: Final = 2_000_000
+"""A sender that falls silent so shortly before the recording's end was stopped with it, as a rule."""
 AIDING_STOPS_US: Final = 15_000_000
 """NavEKF3_core::setAidingMode: without anything for longer, the filter stops aiding."""
 FAST_PERIOD_US: Final = 19_500

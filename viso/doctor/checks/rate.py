@@ -73,7 +73,7 @@ def _silence_at_end(evidence: Evidence, least_us: int, most_us: int) -> Iterator
         return
     last_us, end_us = taken[-1].arrival_us, evidence.until_us
     armed = None if own is None else own.armed
-    is_over = bool(armed) and last_us >= 1e6 * armed[-1][1]
+    is_over = armed is not None and len(armed) > 0 and last_us >= 1e6 * armed[-1][1]
     if not least_us <= end_us - last_us < most_us or is_over:
         return
     steps = [("the sensor is unhealthy", limits.HEALTHY_US)]
@@ -91,6 +91,8 @@ def _silence_at_end(evidence: Evidence, least_us: int, most_us: int) -> Iterator
         state, severity = f", armed for {armed_s:.1f} s of that", None
     else:
         state, severity = ", disarmed", Severity.NOTE
+    if end_us - last_us < limits.END_TOGETHER_US:
+        severity = Severity.NOTE
     yield Sighting(
         f"the stream stopped: nothing came in the last {silent_s:.1f} s of the recording, from {at(last_us)} on{state}"
         f"; {due or 'it ends before that matters'}",

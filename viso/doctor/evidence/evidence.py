@@ -84,9 +84,8 @@ class Evidence:
         own, lacks = self.vehicle.own_filter, self.stream.lacks
         if own is None or own.witness is not Witness.LOG or Aspect.LINK not in lacks or Aspect.RESETS in lacks:
             return self.stream.end_us
-        attitude = self.vehicle.attitude
-        ends = [times[-1] for times in (own.time_us, () if attitude is None else attitude.time_us) if len(times)]
-        return max(self.stream.end_us, *map(int, ends)) if ends else self.stream.end_us
+        series = [own.time_us, *([] if self.vehicle.attitude is None else [self.vehicle.attitude.time_us])]
+        return max(self.stream.end_us, *(int(times[-1]) for times in series if len(times)), 0)
 
     @property
     def system_id(self) -> int:

@@ -136,8 +136,8 @@ def test_loss_in_flight_failsafe_and_refused_arming_are_told(maker: LogMaker, tm
     assert remarks == [
         'The autopilot itself recorded "EKF failsafe: occurred" once, first at 3.900 s (XN9-13, witness: log).',
         "The EKF was without a horizontal position for 0.9 s while armed.",
-        "Nothing came in the last 1.0 s of the log, armed for 1.0 s of that.",
         'Arming was refused for vision once, at last "PreArm: VisOdom: not healthy".',
+        "Nothing came in the last 1.0 s of the log, armed for 1.0 s of that.",
         "The log does not show what the EKF navigated by: its test ratios may be of other sensors.",
     ]
 

@@ -115,20 +115,21 @@ def stopped(end_s: float, own: OwnFilter | None, params: Mapping[str, float] | N
 
 
 @pytest.mark.parametrize(
-    ("length_s", "code", "words"),
+    ("length_s", "code", "severity", "words"),
     [
-        (4.4, "XN4-03", "the sensor is unhealthy from 14.300 s on"),
-        (8.0, "XN4-04", "the sensor is unhealthy from 14.300 s on"),
-        (60.0, "XN4-05", "position times out from 21.000 s on, aiding stops from 29.000 s on"),
+        (4.4, "XN4-03", Severity.NOTE, "the sensor is unhealthy from 14.300 s on"),
+        (5.9, "XN4-04", Severity.NOTE, "the sensor is unhealthy from 14.300 s on"),
+        (8.0, "XN4-04", Severity.WARNING, "the sensor is unhealthy from 14.300 s on"),
+        (60.0, "XN4-05", Severity.ERROR, "position times out from 21.000 s on, aiding stops from 29.000 s on"),
     ],
 )
-def test_silence_to_the_end_of_a_log_is_a_gap(length_s: float, code: str, words: str) -> None:
+def test_silence_to_the_end_of_a_log_is_a_gap(length_s: float, code: str, severity: Severity, words: str) -> None:
     own = own_of(logged(length_s=length_s, others=[(1.0, "ARM", {"ArmState": 1})]))
     ((found, finding),) = stopped(10 + length_s, own).items()
     assert found == code
     assert words in finding.evidence
     assert f"armed for {length_s - 4:.1f} s of that" in finding.evidence
-    assert finding.severity is (Severity.ERROR if code == "XN4-05" else Severity.WARNING)
+    assert finding.severity is severity
 
 
 @pytest.mark.parametrize(
