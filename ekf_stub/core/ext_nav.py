@@ -190,8 +190,12 @@ class ExtNav:
         return ev.TAKEN if self.initialised else ev.NOT_INITIALISED
 
     def _observed_ms(self, stamp_ms: int, delay_ms: int) -> int:
-        """Return the time of the observation, never before the horizon: what comes late is fused as if in time."""
-        return later_ms((stamp_ms - delay_ms - HALF_FILTER_STEP_MS) & U32, self.horizon_ms)
+        """Return the time of the observation, never before the horizon: what comes late is fused as if in time.
+
+        FIRMWARE PARITY: a stamp beyond half of 2^32 ms ahead stays as it is, and is too old as it comes due.
+        """
+        time_ms = (stamp_ms - delay_ms - HALF_FILTER_STEP_MS) & U32
+        return time_ms if time_ms > self.horizon_ms else later_ms(time_ms, self.horizon_ms)
 
     def _push(self, ring: ObsRing[T], sample: T, kind: int) -> None:
         """Put a sample into its buffer, if there is one."""

@@ -179,6 +179,19 @@ def test_sample_from_the_future_waits_and_blocks_those_after_it() -> None:
     ]
 
 
+@pytest.mark.parametrize("kind", ["camera", "velocity"])
+def test_stamp_beyond_half_of_the_numbers_is_too_old(kind: str) -> None:
+    rig = navigating(loop_us=SLOW_LOOP_US)
+    rig.feeds.discard("camera")
+    rig.run(0.2)
+    rig.became()
+    stamp_ms = rig.now_ms + (1 << 31) + 500
+    assert say(rig, kind, stamp_ms) == "taken"
+    assert rig.outcome_times_ms[0] == stamp_ms - DELAY_MS - HALF_STEP_MS
+    rig.run(0.1)
+    assert set(rig.became()) - {("yaw", "model_too_old")} == {(NAMES[kind], "model_too_old")}
+
+
 def test_yaw_error_is_at_least_5_degrees() -> None:
     rig = standing()
     rig.camera(yaw=1.0, yaw_err=0.0)
