@@ -6,7 +6,7 @@ from typing import Final, final
 
 from ekf_stub.core.samples import ObsRing, RangeSample
 from ekf_stub.core.vectors import U32, ZERO, Rotation, dot, is_zero, larger
-from ekf_stub.inputs.measurements import DOWNWARD, FinderState, RangeState, RangeStatus
+from ekf_stub.inputs.measurements import DOWNWARD, RangeState, RangeStatus
 
 _LEAST_ON_GROUND_M: Final = 0.05
 _INTERVAL_MS: Final = 50
@@ -69,6 +69,7 @@ class RangeFinders:
         """Forget everything, as the filter restarts."""
         self._ring.clear()
         self._newest = RangeSample(0, 0.0, ZERO)
+        self._newest_finder = 0
         self._medians = [RangeMedian() for _ in range(_MOST_FINDERS)]
         self._read_ms = 0
         self.on_ground = _LEAST_ON_GROUND_M
@@ -95,16 +96,19 @@ class RangeFinders:
         self._read_ms = now_ms
         for number, finder in enumerate(state.finders):
             if number < _MOST_FINDERS and finder.orientation == DOWNWARD and finder.status == _GOOD:
-                self._take(finder, self._medians[number], now_ms, on_ground)
+                self._take(state, number, now_ms, on_ground)
 
-    def _take(self, finder: FinderState, last: RangeMedian, now_ms: int, on_ground: bool) -> None:
+    def _take(self, state: RangeState, number: int, now_ms: int, on_ground: bool) -> None:
+        finder, last = state.finders[number], self._medians[number]
         last.add(RangeSample(now_ms - _HALF_INTERVAL_MS, finder.distance, finder.place_frd))
         if last.is_fresh(now_ms):
             median = last.median()
+            self._newest_finder = number
             time_ms = max(median.time_ms, self._newest.time_ms)
             self._push(RangeSample(time_ms, larger(median.distance, self.on_ground), finder.place_frd), now_ms)
         elif on_ground and now_ms - self.valid_ms > _SUBSTITUTE_AFTER_MS:
-            self._push(RangeSample(now_ms, self.on_ground, self._newest.offset), now_ms)
+            place = state.finders[self._newest_finder].place_frd
+            self._push(RangeSample(now_ms, self.on_ground, place), now_ms)
 
     def _push(self, sample: RangeSample, now_ms: int) -> None:
         self._newest = sample

@@ -8,6 +8,9 @@ from typing import Any
 import pytest
 
 from ekf_stub.core.covariance import GYRO
+from ekf_stub.core.ranges import RangeFinders
+from ekf_stub.core.vectors import ONE, matrix
+from ekf_stub.inputs.measurements import DOWNWARD, FinderState, RangeState, RangeStatus
 from tests.unit.ekf_stub.filter_rig import (
     MOVING,
     NO_AIDING,
@@ -66,6 +69,16 @@ def tell(start: Start, x: float, y: float, **fields: Any) -> tuple[FilterRig, Fi
 
 def above(rig: FilterRig) -> float:
     return rig.core.height.terrain.above
+
+
+# Ranges
+
+
+def test_range_that_is_assumed_on_the_ground_is_of_the_finders_place() -> None:
+    ranges, finder = RangeFinders(5), FinderState((0.0, 0.0, 0.5), 0.0, DOWNWARD, RangeStatus.GOOD)
+    ranges.read(RangeState((finder,), 0.1, 40.0), 1000, True)
+    ranges.recall(1000, matrix(ONE))
+    assert ranges.distance == pytest.approx(0.6)
 
 
 # What is expected
