@@ -390,11 +390,19 @@ class Covariance:
                     p[i * STATES + j] = 0.0
 
     def set_attitude(self, quat: Quat, body_vars: Vec3) -> None:
-        """Set the covariance of the attitude by variances of rotations about the axes of the body, rad^2."""
+        """Set the covariance of the attitude by variances of rotations about the axes of the body, rad^2.
+
+        The gyro's bias adds what it turns the body by in a step.
+        """
         w, x, y, z = 0.5 * quat[0], 0.5 * quat[1], 0.5 * quat[2], 0.5 * quat[3]
         rows = [(-x, -y, -z), (w, -z, y), (z, w, -x), (-y, x, w)]
-        a, b, c = body_vars
+        x_y, x_z, y_z = self.at(GYRO, GYRO + 1), self.at(GYRO, GYRO + 2), self.at(GYRO + 1, GYRO + 2)
+        a, b, c = body_vars[0] + self.var(GYRO), body_vars[1] + self.var(GYRO + 1), body_vars[2] + self.var(GYRO + 2)
         for i in range(VEL):
+            p = rows[i]
+            about_x = a * p[0] + x_y * p[1] + x_z * p[2]
+            about_y = x_y * p[0] + b * p[1] + y_z * p[2]
+            about_z = x_z * p[0] + y_z * p[1] + c * p[2]
             for j in range(i + 1):
-                p, q = rows[i], rows[j]
-                self.put(i, j, a * p[0] * q[0] + b * p[1] * q[1] + c * p[2] * q[2])
+                q = rows[j]
+                self.put(i, j, about_x * q[0] + about_y * q[1] + about_z * q[2])

@@ -23,7 +23,7 @@ from ekf_stub.core.vectors import (
     turned,
 )
 
-EKF_TARGET_DT: Final = 0.012
+EKF_TARGET_DT: Final = 0.012000000104308128
 LOOP_DT: Final = 0.0025  # of the main loop, in which the firmware's average of it settles
 GRAVITY_MSS: Final = 9.80665
 MIN_DT: Final = 1e-4
@@ -32,7 +32,9 @@ _MAX_DEL_VEL: Final = 100.0
 _MAX_DEL_ANG: Final = 10.0
 _DUE_DT: Final = 0.012 - 0.5 * 0.0025  # of a step
 _LATE_DT: Final = 2.0 * 0.012  # of a step for which there was no time before
-_AVERAGE_SHARE: Final = 0.02
+# float32 of 0.98 and 0.02, which are together more than 1.
+_AVERAGE_KEPT: Final = 0.9800000190734863
+_AVERAGE_SHARE: Final = 0.019999999552965164
 
 
 @final
@@ -85,14 +87,14 @@ class DownSampler:
         self.restart()
 
     def restart(self) -> None:
-        """Begin again, as the filter does.
+        """Begin a step anew, as the filter restarts.
 
-        FIRMWARE PARITY: rotations since the last step stay, so that the first step has also those of before.
+        FIRMWARE PARITY: the rotation since the last step is kept (NavEKF3_core::InitialiseVariables).
         """
         self.dt_ekf_avg = EKF_TARGET_DT
-        self._clear()
+        self._clear_sums()
 
-    def _clear(self) -> None:
+    def _clear_sums(self) -> None:
         self._del_vel: Vec3 = ZERO
         self._vel_dt = 0.0
         self._ang_dt = 0.0
@@ -112,9 +114,9 @@ class DownSampler:
         step = Inertial(self._del_vel, rotation_vector(self._turned), self._vel_dt, self._ang_dt, time_ms)
         dt = self.dt_ekf_avg
         interval = limited(0.5 * (self._ang_dt + self._vel_dt), 0.5 * dt, 2 * dt)
-        self.dt_ekf_avg = dt + _AVERAGE_SHARE * (interval - dt)
-        self._clear()
+        self.dt_ekf_avg = _AVERAGE_KEPT * dt + _AVERAGE_SHARE * interval
         self._turned = ONE
+        self._clear_sums()
         return step
 
 

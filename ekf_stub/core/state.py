@@ -96,7 +96,7 @@ class State:
         vel, pos: m/s and m, NED.
         gyro_bias, accel_bias: rad and m/s a step of the filter of average length.
         earth_field, body_field: magnetic fields of the earth (NED) and of the vehicle (body), Gauss.
-        rotation: body to earth, as of the last prediction.
+        rotation: body to earth, as of the last prediction; zero before the first, as the firmware has it.
         accel_filtered: earth-frame acceleration without gravity, m/s/s, slowly filtered.
         earth_rate_ned: rad/s.
         cov: the covariance of the errors.
@@ -115,7 +115,7 @@ class State:
         self.accel_bias: Vec3 = ZERO
         self.earth_field: Vec3 = ZERO
         self.body_field: Vec3 = ZERO
-        self.rotation: Rotation = matrix(quat)
+        self.rotation: Rotation = (ZERO, ZERO, ZERO)
         self.accel_filtered: Vec3 = ZERO
         self.earth_rate_ned: Vec3 = (EARTH_RATE, 0.0, 0.0)
         self.learns_biases = False
@@ -137,7 +137,8 @@ class State:
         for axis in range(3):
             self.clear(VEL + axis, VEL + axis + 1, vel_vars[axis])
             self.clear(POS + axis, POS + axis + 1, pos_vars[axis])
-        self._set_bias_vars(EKF_TARGET_DT)  # they count in the first prediction
+        self._set_dt(EKF_TARGET_DT)
+        self._doubt_biases(EKF_TARGET_DT)
         self.predicted_tilt_var = self._tilt_var()
 
     def _set_dt(self, dt_ekf_avg: float) -> None:
@@ -153,10 +154,11 @@ class State:
     def learn_biases(self, dt_ekf_avg: float) -> None:
         """Begin to estimate the biases, as tilt has been aligned (setWindMagStateLearningMode)."""
         self.learns_biases = True
-        self._set_bias_vars(dt_ekf_avg)
-
-    def _set_bias_vars(self, dt_ekf_avg: float) -> None:
         self._set_dt(dt_ekf_avg)
+        self._doubt_biases(dt_ekf_avg)
+
+    def _doubt_biases(self, dt_ekf_avg: float) -> None:
+        """Set the variances of the biases as they are before any measurement; the first prediction adds them."""
         self.clear(GYRO, ACCEL, square(_INITIAL_GYRO_BIAS * dt_ekf_avg))
         self.clear(ACCEL, EARTH, square(_ACCEL_BIAS_LIM_SCALER * self._params.ACC_BIAS_LIM * dt_ekf_avg))
 

@@ -17,7 +17,7 @@ Rotation = tuple[Vec3, Vec3, Vec3]
 # Not Final, as compiled code takes a final tuple of floats for unset.
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 ONE: Quat = (1.0, 0.0, 0.0, 0.0)
-_FLT_EPSILON: Final = 2.0**-23  # what the firmware takes for zero (is_zero)
+_FLT_EPSILON: Final = 2.0**-23
 _TURN: Final = 2 * math.pi
 
 
@@ -137,11 +137,14 @@ def normalized(q: Quat) -> Quat:
 
 
 def turned(q: Quat, by: Vec3) -> Quat:
-    """Return an attitude after a rotation of the body by a rotation vector, rad; one that is too small is none."""
+    """Return an attitude after a rotation of the body by a rotation vector, rad.
+
+    FIRMWARE PARITY: a rotation of less than the epsilon of a float counts as none (QuaternionT::from_axis_angle).
+    """
+    if not length(by) >= _FLT_EPSILON:
+        return normalized(q)
     x, y, z = 0.5 * by[0], 0.5 * by[1], 0.5 * by[2]
     half = math.sqrt(x * x + y * y + z * z)
-    if not 2.0 * half >= _FLT_EPSILON:
-        return normalized(q)
     part = math.sin(half) / half
     return normalized(times(q, (math.cos(half), part * x, part * y, part * z)))
 
@@ -153,13 +156,16 @@ def rotated(q: Quat, a: Vec3) -> Vec3:
 
 
 def rotation_vector(q: Quat) -> Vec3:
-    """Return the rotation vector of a unit quaternion, rad, the shorter way round."""
+    """Return the rotation vector of a unit quaternion, rad, the shorter way round.
+
+    FIRMWARE PARITY: of a rotation of less than twice the epsilon of a float it is half (QuaternionT::to_axis_angle).
+    """
     w, x, y, z = q
     if w < 0:
         w, x, y, z = -w, -x, -y, -z
     size = math.sqrt(x * x + y * y + z * z)
-    if size < _FLT_EPSILON:
-        return x, y, z  # FIRMWARE PARITY: half of what it is (QuaternionT::to_axis_angle)
+    if not size >= _FLT_EPSILON:
+        return x, y, z
     scale = 2.0 * (math.atan2(size, w) / size)
     return scale * x, scale * y, scale * z
 

@@ -292,6 +292,16 @@ def test_cleared_variance_is_one_that_can_be(variance: float, expected: float) -
     assert np.count_nonzero(after[VEL:POS]) == (3 if expected else 0)
 
 
+def test_attitude_is_as_uncertain_as_a_rotation_and_the_bias_of_the_gyro_over_a_step() -> None:
+    before = drawn(1)
+    cov, (w, x, y, z) = of(before), quat_of_euler(0.1, -0.2, 1.0)
+    cov.set_attitude((w, x, y, z), (0.1, 0.2, 0.3))
+    by_turning = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
+    turn = np.diag([0.1, 0.2, 0.3]) + before[GYRO:ACCEL, GYRO:ACCEL]
+    found = [[cov.at(i, j) for j in range(VEL)] for i in range(VEL)]
+    assert found == pytest.approx(by_turning @ turn @ by_turning.T, abs=1e-12)
+
+
 def test_positive_is_what_has_no_mix_of_negative_variance() -> None:
     for together, is_positive in ((0.0, True), (1.0, True), (1.001, False)):
         cov = of(np.eye(STATES))

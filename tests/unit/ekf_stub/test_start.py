@@ -62,6 +62,17 @@ def test_data_of_the_pass_after_the_state_began_count_twice() -> None:
     assert rig.core.stepped
 
 
+def test_rotation_before_the_state_began_is_of_the_first_step() -> None:
+    # A step that may not be made waits for 24 ms, in passes of 2.5 ms ten of them: 401 passes leave the last one's.
+    rig, other = FilterRig(), FilterRig()
+    for one, turn in ((rig, 1e-3), (other, 0.0)):
+        for number in range(402):
+            one.run_row(0.0, 0.0, -GRAVITY_MSS * 0.0025, 0.0, 0.0, turn if number == 400 else 0.0, 0.0025, 0.0025)
+        one.run(0.2)
+        assert one.core.initialised
+    assert rig.core.state.yaw(True) - other.core.state.yaw(True) == pytest.approx(1e-3, rel=1e-3)
+
+
 @pytest.mark.parametrize(("is_late", "passes"), [(False, 5), (True, 9)])
 def test_filter_that_is_late_steps_every_ninth_pass(is_late: bool, passes: int) -> None:
     rig = standing()
@@ -96,12 +107,16 @@ def test_first_attitude_is_what_the_accelerometers_show(rpy_deg: tuple[float, fl
 
 
 def test_first_variances_are_those_of_the_parameters() -> None:
-    rig = standing(run_s=1.0025, VELNE_M_NSE=0.4, VELD_M_NSE=0.6, POSNE_M_NSE=0.7, ALT_M_NSE=3.0, ACC_BIAS_LIM=0.5)
+    rig = standing(run_s=1.0025, VELNE_M_NSE=0.4, VELD_M_NSE=0.6, POSNE_M_NSE=0.7, ALT_M_NSE=3.0, ACC_BIAS_LIM=2.0)
     variances = rig.core.state.cov.variances()
     assert variances[4:10] == pytest.approx([0.16, 0.16, 0.36, 0.49, 0.49, 9.0])
-    assert variances[10:13] == pytest.approx([(math.radians(2.5) * 0.012) ** 2] * 3)
-    assert variances[13:16] == pytest.approx([(0.2 * 0.5 * 0.012) ** 2] * 3)
+    # Those of biases count in the first prediction, which adds them to attitude and velocity.
+    of_gyro, of_accel = (math.radians(2.5) * 0.012) ** 2, (0.2 * 2.0 * 0.012) ** 2
+    assert variances[10:16] == pytest.approx([of_gyro] * 3 + [of_accel] * 3)
     assert variances[16:] == [0.0] * 6
+    rig.step()
+    assert rig.core.state.cov.var(1) - 0.0025 == pytest.approx(0.25 * of_gyro, rel=0.05)
+    assert rig.core.state.cov.var(6) - 0.36 == pytest.approx(of_accel, rel=0.5)
 
 
 def test_vehicle_that_floats_starts_level() -> None:

@@ -58,6 +58,14 @@ def test_turns_are_those_of_rotation_vectors(q: v.Quat, by: v.Vec3) -> None:
     assert abs(back[0]) == pytest.approx(1.0)
 
 
+def test_turns_below_the_epsilon_of_a_float_are_none_and_vectors_below_twice_that_half() -> None:
+    epsilon = 2.0**-23
+    assert v.turned(v.ONE, (0.99 * epsilon, 0.0, 0.0)) == v.ONE
+    assert v.turned(v.ONE, (1.01 * epsilon, 0.0, 0.0))[1] == pytest.approx(0.505 * epsilon)
+    for turn, found in ((1.9, 0.95), (2.1, 2.1)):
+        assert v.rotation_vector((1.0, 0.0, 0.5 * turn * epsilon, 0.0))[1] == pytest.approx(found * epsilon)
+
+
 @pytest.mark.parametrize("by", [(0.0, 0.0, 0.0), (1e-15, 0.0, 0.0), (0.0, 5e-324, 0.0)])
 def test_next_to_no_turn_is_none(by: v.Vec3) -> None:
     assert v.turned((2.0, 0.0, 0.0, 0.0), by) == v.ONE
