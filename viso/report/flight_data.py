@@ -222,9 +222,14 @@ def _material(path: Path, log: LogColumns, items: Sequence[Happening | LoggedPar
     )
 
 
+_LEAST_MOVE_M: Final = 0.05
+"""A smaller move is less than the noise of a position."""
+
+
 def position_moves(xkf4: Series) -> tuple[Array, Array]:
     """Return when the EKF moved its position at once, in s [N], and by how much, m north and east [N, 2]."""
     moved, core = xkf4.matrix("OFN", "OFE"), np.nan_to_num(xkf4["C"])
     changed = np.isfinite(moved[1:]).all(axis=1) & (moved[1:] != moved[:-1]).any(axis=1) & (core[1:] == core[:-1])
+    changed &= np.linalg.norm(moved[1:], axis=1) >= _LEAST_MOVE_M
     at = np.flatnonzero(changed) + 1
     return xkf4.time_s[at], moved[at]

@@ -237,7 +237,7 @@ def position_axes(evidence: Evidence) -> Iterator[Sighting]:
 )
 def quaternion_order(evidence: Evidence) -> Iterator[Sighting]:
     """Find quaternions that make sense only in another order: by velocities, or by the vehicle's own roll and pitch."""
-    by_velocity = [motion.pose_sender for motion in evidence.stream.motions if is_misordered(motion)]
+    by_velocity = [motion.pose_sender for motion in evidence.stream.motions if is_misordered(evidence, motion)]
     for poses in evidence.poses_with_attitude:
         track = poses.track
         if track.sender in by_velocity:

@@ -148,10 +148,25 @@ def _order_mix(motion: Motion) -> Iterator[_Mixed]:
         yield _Mixed(_ORDER, correlation, "")
 
 
-def is_misordered(motion: Motion) -> bool:
+def is_misordered(evidence: Evidence, motion: Motion) -> bool:
     """Return whether velocities fit a path only if the quaternion is read as x, y, z, w."""
-    mixed = _mix_up(motion)
+    mixed = _mix_up(motion, is_of_log=Aspect.LINK in evidence.stream.lacks)
     return mixed is not None and mixed.code == _ORDER
+
+
+def _message_mix(motion: Motion, *, is_of_log: bool) -> Iterator[_Mixed]:
+    """Yield how velocities of a log fit if they came in body axes, in a message whose velocities are used unchanged.
+
+    A log does not name the message, so that its velocities are read as those of ODOMETRY.
+    """
+    if is_of_log and motion.velocity_sender.name == "ODOMETRY":
+        correlation = agreement(motion.path, _scaled(motion, motion.used_turned)).correlation
+        text = "the velocity that the autopilot used fits the path only if it is in body axes"
+        fix = (
+            "If VISION_SPEED_ESTIMATE is sent, turn the velocity by the attitude into the axes of the positions. If "
+            "ODOMETRY is sent, look for a velocity that is turned by the inverse of q twice."
+        )
+        yield _Mixed("XN2-03", correlation, text, fix)
 
 
 def _axes_mix(motion: Motion) -> Iterator[_Mixed]:
@@ -176,13 +191,14 @@ def _heading_mix(motion: Motion) -> Iterator[_Mixed]:
 
 
 @lru_cache(maxsize=32)  # four checks ask
-def _mix_up(motion: Motion) -> _Mixed | None:
+def _mix_up(motion: Motion, *, is_of_log: bool) -> _Mixed | None:
     """Return the simplest mix-up with which velocities fit the path; None if they fit as they are, or with none."""
     if not _is_comparable(motion):
         return None
     least = max(limits.FITS_CORRELATION, _as_used(motion) + limits.BETTER_CORRELATION)
     best: _Mixed | None = None
-    for mixed in (*_order_mix(motion), _frame_mix(motion), *_heading_mix(motion), *_axes_mix(motion)):
+    simple = *_order_mix(motion), _frame_mix(motion), *_message_mix(motion, is_of_log=is_of_log)
+    for mixed in (*simple, *_heading_mix(motion), *_axes_mix(motion)):
         if mixed.correlation > least:
             best, least = mixed, mixed.correlation + limits.BETTER_CORRELATION
     return best
@@ -190,7 +206,7 @@ def _mix_up(motion: Motion) -> _Mixed | None:
 
 def _mixed_as(code: str, evidence: Evidence) -> Iterator[Sighting]:
     for motion in evidence.stream.motions:
-        mixed = _mix_up(motion)
+        mixed = _mix_up(motion, is_of_log=Aspect.LINK in evidence.stream.lacks)
         if mixed is not None and mixed.code == code and not heading_departs(evidence, motion.velocity_sender):
             text = f"{motion.velocity_sender} against {motion.pose_sender.name}: {mixed.text}"
             fit = f"(correlation {mixed.correlation:.2f}, as the autopilot reads them {_as_used(motion):.2f})"

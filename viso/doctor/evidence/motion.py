@@ -49,6 +49,7 @@ class Motion:
         used: from the velocities as the autopilot understands them.
         sent: from the velocities as sent.
         turned: from the velocities as sent, turned by the attitude.
+        used_turned: from the velocities as the autopilot understands them, turned by the attitude.
         path_body: from the positions, in the axes of the body.
         reordered: from the velocities as sent, turned by the attitude read as x, y, z, w.
         is_level_reordered: whether that attitude is more or less level, as those of vehicles are.
@@ -62,6 +63,7 @@ class Motion:
     used: Floats
     sent: Floats
     turned: Floats
+    used_turned: Floats
     path_body: Floats
     reordered: Floats
     is_level_reordered: bool
@@ -206,6 +208,7 @@ def _motion(poses: Poses, velocities: Velocities, window_s: float) -> Motion | N
     with np.errstate(all="ignore"):
         path = (poses.pos_m[last] - poses.pos_m[first]) / dt
         mean_turned, mean_sent = mean_of(turned), mean_of(sent)
+        mean_twice = mean_of(rotate(poses.quat_wxyz, turned))
         mean_reordered = mean_of(rotate(reordered(poses.quat_wxyz), sent))
     is_body = velocities.track.sender.name == "ODOMETRY"
     return Motion(
@@ -217,6 +220,7 @@ def _motion(poses: Poses, velocities: Velocities, window_s: float) -> Motion | N
         mean_turned if is_body else mean_sent,
         mean_sent,
         mean_turned,
+        mean_twice if is_body else mean_turned,
         rotate(poses.quat_wxyz[(first + last) // 2] * _INVERSE, path),
         mean_reordered,
         _is_level(reordered(poses.quat_wxyz[first])),

@@ -95,6 +95,7 @@ def telemetry(
     angles: Change = same,
     quats: Change = same,
     places: Change = same,
+    velocities: Callable[[Floats, Floats], Floats] | None = None,
     delay_s: Callable[[Floats], Floats] = np.zeros_like,
     hz: float = 30.0,
     attitude_hz: float = 10.0,
@@ -108,6 +109,7 @@ def telemetry(
         kind: of message that the companion sends.
         motion: of the vehicle.
         angles, quats, places: what the companion makes of roll, pitch and yaw, of quaternions, and of positions.
+        velocities: of ODOMETRY, from its quaternions and the velocity north, east, down; unknown without it.
         delay_s: how old contents are when they are sent, by the time of sending.
         hz: of the companion's messages.
         attitude_hz: of ATTITUDE.
@@ -146,15 +148,17 @@ def telemetry(
     rpy = motion.angles(then_s)
     said = angles(rpy + motion.noise_rad * noise.standard_normal(rpy.shape))
     turned, path = quats(quats_from_euler(said)), places(motion.places(then_s))
-    for one_s, angle, quat, (x, y, z) in zip(
-        time_s.tolist(), said.tolist(), turned.tolist(), path.tolist(), strict=True
+    moving = (motion.places(then_s + 0.01) - motion.places(then_s - 0.01)) / 0.02
+    speeds = np.full_like(moving, np.nan) if velocities is None else velocities(turned, moving)
+    for one_s, angle, quat, (x, y, z), speed in zip(
+        time_s.tolist(), said.tolist(), turned.tolist(), path.tolist(), speeds.tolist(), strict=True
     ):
         stamp = round((BOOT_S + one_s) * 1e6)
         message: Message
         if kind == "ODOMETRY":
             unknown = float("nan")
             message = ODOMETRY(
-                *(stamp, 20, 12, x, y, z, tuple(quat), unknown, unknown, unknown, unknown, unknown, unknown),
+                *(stamp, 20, 12, x, y, z, tuple(quat), *speed, unknown, unknown, unknown),
                 pose_covariance=(0.0,) * 21,
                 velocity_covariance=(0.0,) * 21,
             )

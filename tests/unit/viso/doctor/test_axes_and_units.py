@@ -3,6 +3,7 @@
 """Angles in another number or of the wrong sign, quaternions in another order: named; flights in order: nothing."""
 
 import re
+from dataclasses import replace
 from itertools import permutations, product
 
 import numpy as np
@@ -13,12 +14,12 @@ from tests.places import DATA
 from tests.unit.viso.doctor.made_flights import BOOT_S, PARAMS, Floats, Motion, judged, telemetry
 from viso.doctor import CHECKS, Finding, Severity, diagnose, gather
 from viso.estimators.angles import carriers
+from viso.geometry.rotation import inverse, quats_from_euler, rotate
 from viso.geometry.rotation import product as product_of
-from viso.geometry.rotation import quats_from_euler
-from viso.streams.stream_kinds import Stream, read_whole_stream
+from viso.streams.stream_kinds import Aspect, Stream, read_whole_stream
 
 STRANGERS = DATA / "strangers"
-CODES = {"XN2-08", "XN2-11", "XN2-13", "XN3-11", "XN3-13", "XN5-07"}
+CODES = {"XN2-03", "XN2-08", "XN2-11", "XN2-13", "XN3-11", "XN3-13", "XN5-07"}
 OF_AXES = {"XN2-02", "XN2-06", "XN2-07", "XN2-10", "XN2-12", "XN8-05"}
 ROVER, SUB = 10, 12
 NOISY = Motion(noise_rad=0.005)
@@ -236,3 +237,24 @@ def test_delay_that_stays_does_not_grow(motion: Motion) -> None:
             return np.asarray(by_s + 0.02 * rough.random(time_s.shape))
 
         assert "XN3-13" not in found_in(telemetry(motion=motion, delay_s=old))
+
+
+def test_body_velocities_in_a_log_get_the_fix_of_the_message_that_takes_local_ones() -> None:
+    """A log's velocities are read as those of ODOMETRY, so turned back by the attitude."""
+
+    def of_log(stream: Stream) -> Stream:
+        return replace(stream, lacks=frozenset({Aspect.LINK}))
+
+    def body(quats: Floats, local: Floats) -> Floats:
+        return rotate(inverse(quats), local)
+
+    def body_turned_back(quats: Floats, local: Floats) -> Floats:
+        return body(quats, body(quats, local))
+
+    turning = Motion(yaw_rad=2.5, size_m=4.0)
+    wrong = found_in(of_log(telemetry("ODOMETRY", turning, velocities=body_turned_back)))["XN2-03"]
+    assert "fits the path only if it is in body axes" in wrong.evidence
+    assert wrong.fix.startswith("If VISION_SPEED_ESTIMATE is sent, turn the velocity by the attitude")
+    assert "XN2-03" not in found_in(of_log(telemetry("ODOMETRY", turning, velocities=body)))
+    as_odometry = found_in(of_log(telemetry("ODOMETRY", turning, velocities=lambda _quats, local: local)))["XN2-03"]
+    assert "in local axes" in as_odometry.evidence
