@@ -223,5 +223,4 @@ def _advice(compared: Comparison) -> str:
             f"it is a wire as slow as its baud rate, for whose {compared.transport_ms:.0f} ms the autopilot allows by "
             "itself. Then reboot."
         )
-    # Corrected stamps are those of the quickest messages; what others lag is less than a step of the filter or jitter.
-    return f"Set VISO_DELAY_MS to {min(since_arrival, since_stamp + _FILTER_STEP_MS)}, and reboot."
+    return f"Set VISO_DELAY_MS to {since_stamp}, and reboot."

@@ -65,7 +65,7 @@ class Witness(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class OtherCore:
-    """A core that was not the primary one, while one of its test ratios was above 1."""
+    """A core that was not the primary one, while one of its test ratios was above 1 and none of the primary's was."""
 
     core: int
     over_s: float

@@ -159,7 +159,10 @@ def _others(records: FilterRecords) -> Iterator[OtherCore]:
     every = records.every_status
     cores = np.nan_to_num(every["C"])
     over = np.nan_to_num(every.matrix(*_RATIOS)).max(axis=1, initial=0.0)
-    unused = (over > 1.0) & np.isfinite(every["PI"]) & (cores != every["PI"])
+    is_primary = cores == every["PI"]
+    latest = np.searchsorted(every.time_s[is_primary], every.time_s, side="right")
+    of_primary = np.concatenate([[0.0], over[is_primary]])[latest]
+    unused = (over > 1.0) & (of_primary <= 1.0) & np.isfinite(every["PI"]) & ~is_primary
     for core in np.unique(cores[unused]).tolist():
         of_core = cores == core
         steps_s = np.append(np.diff(every.time_s[of_core]), 0.0)
