@@ -157,8 +157,9 @@ def telemetry(
         message: Message
         if kind == "ODOMETRY":
             unknown = float("nan")
+            vx, vy, vz = speed
             message = ODOMETRY(
-                *(stamp, 20, 12, x, y, z, tuple(quat), *speed, unknown, unknown, unknown),
+                *(stamp, 20, 12, x, y, z, tuple(quat), vx, vy, vz, unknown, unknown, unknown),
                 pose_covariance=(0.0,) * 21,
                 velocity_covariance=(0.0,) * 21,
             )
