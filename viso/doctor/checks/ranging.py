@@ -281,8 +281,6 @@ def range_outliers(evidence: Evidence) -> Iterator[Sighting]:
 )
 def range_scale(evidence: Evidence) -> Iterator[Sighting]:
     for finder in _looking_down(evidence):
-        if is_never_armed(evidence):
-            yield Sighting(f"{named(finder)}: gaps: the vehicle is disarmed in the whole recording")
         found = _against_height(evidence, finder)
         if found is None:
             continue

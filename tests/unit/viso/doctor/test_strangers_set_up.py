@@ -149,6 +149,7 @@ def test_disarmed_vehicle_misses_no_ranges() -> None:
     assert "XNR-05" not in findings
     assert all("in flight" not in finding.evidence for finding in findings.values())
     assert findings["XNR-09"].severity is Severity.NOTE
+    assert {finding.severity for finding in findings.values()} == {Severity.NOTE}
 
 
 @pytest.mark.parametrize(
