@@ -41,6 +41,7 @@ class FilterRelease:
             (AP_AHRS::pre_arm_check).
         aligns_source_in_use: EK3_SRC_OPTIONS aligns external navigation to flow even if it is the source of position
             (align_inactive_sources).
+        shares_source_set: EK3_SRC_OPTIONS has no bit that gives each core a source set of its own (getActiveSourceSet).
     """
 
     gsf_asks_load: bool = False
@@ -58,6 +59,7 @@ class FilterRelease:
     lanes_are_automatic: bool = False
     aligns_source_in_use: bool = False
     checks_estimator_number: bool = False
+    shares_source_set: bool = False
 
 
 STABLE_4_6: Final = FilterRelease(
@@ -67,6 +69,7 @@ STABLE_4_6: Final = FilterRelease(
     keeps_compass=True,
     lanes_are_automatic=True,
     aligns_source_in_use=True,
+    shares_source_set=True,
 )
 JULY_2025: Final = FilterRelease()
 FEBRUARY_2026: Final = FilterRelease(

@@ -202,7 +202,7 @@ def prepare_filter(_stack: ExitStack) -> Round:
     sizes = buffer_sizes(table.get_int, sources, has_camera=True, has_flow=False)
     imus = Imus(1)
     imus.imus[0].has_data = True
-    lanes = Lanes(params, sources, sizes, STABLE_4_7, imus, [0], [0], 1)
+    lanes = Lanes(params, sources, [sizes], STABLE_4_7, imus, [0], [0], 1)
     at_rest = [0.0, 0.0, 0.0, 0.0, -GRAVITY_MSS * _LOOP_US / 1e6, 0.0, 0.0, 0.0, _LOOP_US / 1e6, _LOOP_US / 1e6]
     frame = 0
 

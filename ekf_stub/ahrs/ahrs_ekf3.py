@@ -11,6 +11,7 @@ its simple estimate (DCM). Later that is the filter's attitude with the true hea
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -344,9 +345,9 @@ class Ekf3Ahrs(AhrsBase):
         imus = cores_of_mask(imu_mask(params), differing_imus or NUMBER_OF_IMUS)
         if not imus:
             return
-        sizes = buffer_sizes(
+        buffers = partial(
+            buffer_sizes,
             params.get_int,
-            self._sources,
             has_camera=self._has_camera,
             has_flow=self._has_flow(),
             gps_lag_s=self._gps_lag_s,
@@ -358,7 +359,7 @@ class Ekf3Ahrs(AhrsBase):
             self._logger,
             self._texts,
             self._release,
-            sizes,
+            buffers,
             imus,
             differ=differing_imus,
             has_camera=self._has_camera,
@@ -635,7 +636,8 @@ class Ekf3Ahrs(AhrsBase):
         )
         if failure is not None:
             return failure
-        if self._params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and self.core.yaw.source != SourceYaw.GPS:
+        by_others = any(core.yaw.source != SourceYaw.GPS for core in self.cores.lanes.cores)
+        if self._params.get_int("EK3_MAG_CAL") in _OLD_EXTERNAL_YAW and by_others:
             return "EK3_MAG_CAL and EK3_SRC1_YAW inconsistent"
         return self.cores.lanes.unhealthy_reason(self._now_ms())
 

@@ -6,7 +6,7 @@ Cores that are given the same say the same: where all IMUs do so, one filter sta
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from ap_core.internal_error import InternalErrors
@@ -19,7 +19,7 @@ from ekf_stub.core.ext_nav import ExtNav
 from ekf_stub.core.imus import MAX_IMUS, Imus
 from ekf_stub.core.inputs import Compasses, CompassReading
 from ekf_stub.core.lanes import Lanes
-from ekf_stub.core.params import EkfSources, Params
+from ekf_stub.core.params import SET_PER_CORE, EkfSources, Params
 from ekf_stub.core.samples import RingSizes
 from ekf_stub.inputs.measurements import (
     GpsSample,
@@ -58,7 +58,7 @@ class Cores:
         logger: RecordSink,
         texts: TextSink,
         release: FilterRelease,
-        sizes: RingSizes,
+        buffers: Callable[[EkfSources], RingSizes],
         imus: Sequence[int],
         *,
         differ: int,
@@ -70,7 +70,8 @@ class Cores:
         self._release = release
         self._differ = differ > 0
         self._has_camera = has_camera
-        self._groups = [(number,) for number in numbers] if differ else [tuple(numbers)]
+        has_set_each = not release.shares_source_set and params.get_int("EK3_SRC_OPTIONS") & SET_PER_CORE != 0
+        self._groups = [(number,) for number in numbers] if differ or has_set_each else [tuple(numbers)]
         self._imu_of_core = list(imus)
         self._params = Params()
         self._params_generation: int | None = None
@@ -79,7 +80,7 @@ class Cores:
         self.lanes = Lanes(
             self._params,
             sources,
-            sizes,
+            [buffers(sources.of_core(group[0], release)) for group in self._groups],
             release,
             self._imus,
             [group[0] for group in self._groups],

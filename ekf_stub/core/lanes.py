@@ -34,6 +34,8 @@ class Lanes:
     """The cores, in the order of their numbers (NavEKF3).
 
     Args:
+        sources: the source sets, and which one is active.
+        sizes: the lengths of the buffers of each core.
         imus: what IMUs say; rows are read into it.
         numbers, imu_of_core: number and IMU of each core.
         count: how many cores there are, where the only filter stands for all of them.
@@ -53,7 +55,7 @@ class Lanes:
         self,
         params: Params,
         sources: EkfSources,
-        sizes: RingSizes,
+        sizes: list[RingSizes],
         release: FilterRelease,
         imus: Imus,
         numbers: list[int],
@@ -67,8 +69,8 @@ class Lanes:
         self.tells_outcomes = False
         self.common = CommonOrigin()
         self.cores = [
-            Core(params, sources, sizes, release, self.common, number, imu, self.texts)
-            for number, imu in zip(numbers, imu_of_core)
+            Core(params, sources.of_core(number, release), size, release, self.common, number, imu, self.texts)
+            for number, imu, size in zip(numbers, imu_of_core, sizes)
         ]
         self._count = count
         self.primary = self.chosen_by_user()

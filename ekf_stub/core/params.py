@@ -8,6 +8,8 @@ Source: AP_NavEKF3/AP_NavEKF3.cpp (var_info), AP_NavEKF/AP_NavEKF_Source.cpp.
 from collections.abc import Callable
 from typing import Final, final
 
+from ekf_stub.release import FilterRelease
+
 # EK3_SRCn_POSXY, VELXY, POSZ, VELZ and YAW
 NONE: Final = 0
 BARO: Final = 1  # of POSZ
@@ -16,6 +18,7 @@ RANGEFINDER: Final = 2  # of POSZ
 GPS_YAW: Final = 2  # of YAW
 GPS: Final = 3
 GPS_COMPASS_FALLBACK: Final = 3  # of YAW
+BEACON: Final = 4
 OPTFLOW: Final = 5
 EXTNAV: Final = 6
 GSF: Final = 8  # of YAW
@@ -23,6 +26,7 @@ GSF: Final = 8  # of YAW
 _SETS: Final = 3
 _FUSE_ALL_VELOCITIES: Final = 1 << 0  # of EK3_SRC_OPTIONS
 _ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW: Final = 1 << 1
+SET_PER_CORE: Final = 1 << 3
 
 
 @final
@@ -120,30 +124,19 @@ _ATTRIBUTES: Final = {"POSXY": "pos_xy", "VELXY": "vel_xy", "POSZ": "pos_z", "VE
 
 
 @final
-class EkfSources:
-    """The three source sets and which one is active (AP_NavEKF_Source).
-
-    Args:
-        get_int: returns a parameter by its name after ``EK3_``, such as ``SRC1_POSXY``.
-
-    Attributes:
-        active_set: 0..2.
-    """
+class _Sets:
+    """The source sets, the options, and which set is active: the same for all cores."""
 
     def __init__(self, get_int: Callable[[str], int]) -> None:
         self._get_int = get_int
-        self._is_read = False
-        self._sets: list[SourceSet] = []
-        self._options = 0
-        self.active_set = 0
+        self.is_read = False
+        self.sets: list[SourceSet] = []
+        self.options = 0
+        self.active = 0
 
-    def forget(self) -> None:
-        """Read all parameters again when one is asked for next, as one of them may have changed."""
-        self._is_read = False
-
-    def _read(self) -> None:
+    def read(self) -> None:
         get = self._get_int
-        self._sets = [
+        self.sets = [
             SourceSet(
                 get(f"SRC{number}_POSXY"),
                 get(f"SRC{number}_VELXY"),
@@ -153,18 +146,55 @@ class EkfSources:
             )
             for number in range(1, _SETS + 1)
         ]
-        self._options = get("SRC_OPTIONS")
-        self._is_read = True
+        self.options = get("SRC_OPTIONS")
+        self.is_read = True
+
+
+@final
+class EkfSources:
+    """The three source sets and which one is active (AP_NavEKF_Source).
+
+    Args:
+        get_int: returns a parameter by its name after ``EK3_``, such as ``SRC1_POSXY``.
+    """
+
+    def __init__(self, get_int: Callable[[str], int]) -> None:
+        self._all = _Sets(get_int)
+        self._get_int = get_int
+        self._core = _SETS  # of whom no set can be
+
+    def of_core(self, core: int, release: FilterRelease) -> "EkfSources":
+        """Return the sources of a core: with EK3_SRC_OPTIONS each of the first three has the set of its number."""
+        if release.shares_source_set:
+            return self
+        own = EkfSources(self._get_int)
+        own._all, own._core = self._all, core
+        return own
+
+    @property
+    def active_set(self) -> int:
+        """The set that was chosen, 0..2."""
+        return self._all.active
+
+    @active_set.setter
+    def active_set(self, index: int) -> None:
+        self._all.active = index
+
+    def forget(self) -> None:
+        """Read all parameters again when one is asked for next, as one of them may have changed."""
+        self._all.is_read = False
 
     def sets(self) -> list[SourceSet]:
         """Return the source sets."""
-        if not self._is_read:
-            self._read()
-        return self._sets
+        if not self._all.is_read:
+            self._all.read()
+        return self._all.sets
 
     def active(self) -> SourceSet:
         """Return the active source set."""
-        return self.sets()[self.active_set]
+        sets = self.sets()
+        has_own = self._core < _SETS and self._all.options & SET_PER_CORE != 0
+        return sets[self._core if has_own else self._all.active]
 
     def value(self, index: int, what: str) -> int:
         """Return a row of a set, such as ``POSXY`` of set 0..2."""
@@ -183,7 +213,7 @@ class EkfSources:
         return self.active().yaw
 
     def _fuses_all_velocities(self) -> bool:
-        return self._options & _FUSE_ALL_VELOCITIES != 0
+        return self._all.options & _FUSE_ALL_VELOCITIES != 0
 
     def uses_vel_xy(self, source: int) -> bool:
         """Return whether horizontal velocity is taken from a source (useVelXYSource)."""
@@ -191,7 +221,7 @@ class EkfSources:
             return True
         if not self._fuses_all_velocities():
             return False
-        for one in self._sets:
+        for one in self._all.sets:
             if one.vel_xy == source:
                 return True
         return False
@@ -202,7 +232,7 @@ class EkfSources:
             return True
         if not self._fuses_all_velocities():
             return False
-        for one in self._sets:
+        for one in self._all.sets:
             if one.vel_z == source:
                 return True
         return False
@@ -213,7 +243,7 @@ class EkfSources:
             return True
         if not self._fuses_all_velocities():
             return False
-        for one in self._sets:
+        for one in self._all.sets:
             if one.vel_z != NONE:
                 return True
         return False
@@ -229,19 +259,19 @@ class EkfSources:
         """Return whether the active set takes anything from GPS; its yaw alone does not count (usingGPS)."""
         return self.active().names(GPS) or self.active().yaw == GSF
 
-    def position_alignment(self, aligns_source_in_use: bool = False) -> tuple[bool, bool]:
-        """Return whether external navigation is to be aligned in x and y, and in z, as it is not in use.
+    def position_alignment(self, release: FilterRelease) -> tuple[bool, bool]:
+        """Return whether external navigation is to be aligned in x and y, and in z, as no core uses it.
 
-        All cores use the active set. For ``aligns_source_in_use`` see ``FilterRelease``.
         Source: NavEKF3::align_inactive_sources.
         """
-        active = self.active()
-        by_flow = active.vel_xy == OPTFLOW and self._options & _ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
-        beacon = 4
-        xy_allowed = active.pos_xy in (GPS, beacon) or (by_flow and (aligns_source_in_use or active.pos_xy != EXTNAV))
-        z_allowed = active.pos_z in (BARO, RANGEFINDER, GPS, beacon)
-        xy_has, z_has = False, False
-        for one in self._sets:
+        xy_is_allowed, z_is_allowed, xy_has, z_has = True, True, False, False
+        for core in range(_SETS):
+            one = self.of_core(core, release).active()
+            by_flow = one.vel_xy == OPTFLOW and self._all.options & _ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
+            by_flow = by_flow and (release.aligns_source_in_use or one.pos_xy != EXTNAV)
+            xy_is_allowed = xy_is_allowed and (one.pos_xy == GPS or one.pos_xy == BEACON or by_flow)
+            z_is_allowed = z_is_allowed and one.pos_z in (BARO, RANGEFINDER, GPS, BEACON)
+        for one in self._all.sets:
             xy_has = xy_has or one.pos_xy == EXTNAV
             z_has = z_has or one.pos_z == EXTNAV
-        return xy_allowed and xy_has, z_allowed and z_has
+        return xy_is_allowed and xy_has, z_is_allowed and z_has

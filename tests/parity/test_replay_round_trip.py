@@ -96,7 +96,7 @@ class Flight:
         imus = Imus()
         imus.imus[0].has_data = True
         sizes = buffer_sizes(params.get_int, sources, has_camera=True)
-        self.lanes = Lanes(core_params, sources, sizes, JULY_2025.ekf, imus, [0], [0], 1)
+        self.lanes = Lanes(core_params, sources, [sizes], JULY_2025.ekf, imus, [0], [0], 1)
         (self.core,) = self.lanes.cores
         self.core.inputs.has_compass = True
         self.core.inputs.set_lever_arm(LEVER_ARM)

@@ -413,6 +413,11 @@ DIFFERENCES: Final[tuple[Difference, ...]] = (
         Upstream("a8b57dcead", "2025-12-01"),
         is_recorded=True,
     ),
+    _flag(
+        "EK3_SRC_OPTIONS cannot give each core a source set of its own",
+        "shares_source_set",
+        Upstream("f172c2fd03", "2025-07-01"),
+    ),
     Difference(
         _FILTER,
         "ranges, also in its log",

@@ -286,7 +286,7 @@ class Vehicle:
 
     def _align_camera(self) -> None:
         if self.visual_odom.enabled() and self.ahrs.estimator_started():
-            axes = self.sources.position_alignment(self.firmware.ekf.aligns_source_in_use)
+            axes = self.sources.position_alignment(self.firmware.ekf)
             self.visual_odom.align_position_to_ahrs(*axes)
 
     def _errors_idle_until_us(self) -> int:

@@ -122,7 +122,7 @@ class FilterRig:
             imu.has_data = True
         self.imus.loop_dt = 1e-6 * loop_us
         numbers = list(range(cores))
-        self.lanes = Lanes(self._params, self.sources, sizes, release, self.imus, numbers, numbers, cores)
+        self.lanes = Lanes(self._params, self.sources, [sizes] * cores, release, self.imus, numbers, numbers, cores)
         for core in self.lanes.cores:
             core.inputs.has_compass = has_compass
         self.now_us, self.loop_us = start_us, loop_us

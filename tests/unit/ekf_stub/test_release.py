@@ -275,6 +275,7 @@ def test_stable_release_has_all_of_this() -> None:
             keeps_compass=True,
             lanes_are_automatic=True,
             aligns_source_in_use=True,
+            shares_source_set=True,
         )
         == STABLE_4_6
     )

@@ -232,16 +232,19 @@ class EkfPlayer:
 
     def _make_cores(self) -> None:
         lag_s = self.inputs.gps_lag_s
-        if lag_s is None and self._sources.uses_gps():
+        sources = [self._sources.of_core(number, self.release) for number in self.imus]
+        if lag_s is None and any(one.uses_gps() for one in sources):
             return  # the firmware waits for it, to size its buffers
-        has_camera = self.inputs.camera_frd is not None
-        sizes = buffer_sizes(
-            lambda name: int(self.param(name)),
-            self._sources,
-            has_camera=has_camera,
-            has_flow=bool(self.inputs.flags & HAS_FLOW),
-            gps_lag_s=lag_s or 0.0,
-        )
+        sizes = [
+            buffer_sizes(
+                lambda name: int(self.param(name)),
+                one,
+                has_camera=self.inputs.camera_frd is not None,
+                has_flow=bool(self.inputs.flags & HAS_FLOW),
+                gps_lag_s=lag_s or 0.0,
+            )
+            for one in sources
+        ]
         self._read_params()
         self.lanes = Lanes(
             self._core_params,

@@ -8,6 +8,7 @@ import pytest
 
 from ekf_stub.ahrs.sources import ROWS, SourceXY, SourceYaw, SourceZ
 from ekf_stub.core.params import EkfSources
+from ekf_stub.release import JULY_2025, STABLE_4_6
 
 # A second set with external navigation for everything.
 SECOND = {"SRC2_POSXY": SourceXY.EXTNAV, "SRC2_POSZ": SourceZ.EXTNAV}
@@ -70,26 +71,26 @@ class Counted:
 def test_known_parameters_are_not_asked_for_again() -> None:
     params = Counted(SRC1_YAW=1, SRC1_POSXY=SourceXY.GPS, **SECOND)
     choice = params.sources()
-    first = choice.yaw(), choice.uses_vel_xy(SourceXY.GPS), choice.position_alignment()
+    first = choice.yaw(), choice.uses_vel_xy(SourceXY.GPS), choice.position_alignment(JULY_2025)
     asked = params.asked
-    assert (choice.yaw(), choice.uses_vel_xy(SourceXY.GPS), choice.position_alignment()) == first
+    assert (choice.yaw(), choice.uses_vel_xy(SourceXY.GPS), choice.position_alignment(JULY_2025)) == first
     assert params.asked == asked
 
 
 def test_changed_parameters_count_at_once() -> None:
     params = Counted(SRC1_YAW=1, SRC1_POSXY=SourceXY.GPS, **SECOND)
     choice = params.sources()
-    assert (choice.yaw(), choice.position_alignment()) == (SourceYaw.COMPASS, (True, False))
+    assert (choice.yaw(), choice.position_alignment(JULY_2025)) == (SourceYaw.COMPASS, (True, False))
     params.set("SRC1_YAW", SourceYaw.EXTNAV)
     params.set("SRC1_POSXY", SourceXY.EXTNAV)
-    assert (choice.yaw(), choice.position_alignment()) == (SourceYaw.EXTNAV, (False, False))
+    assert (choice.yaw(), choice.position_alignment(JULY_2025)) == (SourceYaw.EXTNAV, (False, False))
 
 
 def test_another_set_counts_at_once_though_no_parameter_changed() -> None:
     choice = Counted(SRC1_POSXY=SourceXY.GPS, **SECOND).sources()
-    assert choice.position_alignment() == (True, False)
+    assert choice.position_alignment(JULY_2025) == (True, False)
     choice.active_set = 1
-    assert choice.position_alignment() == (False, False)
+    assert choice.position_alignment(JULY_2025) == (False, False)
 
 
 @pytest.mark.parametrize(("source", "aligned"), [
@@ -101,7 +102,7 @@ def test_another_set_counts_at_once_though_no_parameter_changed() -> None:
     (SourceXY.WHEEL_ENCODER, False),
 ])  # fmt: skip
 def test_horizontal_alignment_by_the_active_position_source(source: SourceXY, aligned: bool) -> None:
-    assert sources(SRC1_POSXY=source, **SECOND).position_alignment()[0] is aligned
+    assert sources(SRC1_POSXY=source, **SECOND).position_alignment(JULY_2025)[0] is aligned
 
 
 @pytest.mark.parametrize(("source", "aligned"), [
@@ -113,23 +114,23 @@ def test_horizontal_alignment_by_the_active_position_source(source: SourceXY, al
     (SourceZ.EXTNAV, False),
 ])  # fmt: skip
 def test_vertical_alignment_by_the_active_height_source(source: SourceZ, aligned: bool) -> None:
-    assert sources(SRC1_POSZ=source, **SECOND).position_alignment()[1] is aligned
+    assert sources(SRC1_POSZ=source, **SECOND).position_alignment(JULY_2025)[1] is aligned
 
 
 def test_nothing_is_aligned_when_no_set_has_external_navigation() -> None:
-    assert sources(SRC1_POSXY=3, SRC1_POSZ=1).position_alignment() == (False, False)
+    assert sources(SRC1_POSXY=3, SRC1_POSZ=1).position_alignment(JULY_2025) == (False, False)
 
 
 @pytest.mark.parametrize("index", [2, 3])
 def test_any_set_with_external_navigation_counts(index: int) -> None:
     params = {"SRC1_POSXY": 3, "SRC1_POSZ": 1, f"SRC{index}_POSXY": 6, f"SRC{index}_POSZ": 6}
-    assert sources(**params).position_alignment() == (True, True)
+    assert sources(**params).position_alignment(JULY_2025) == (True, True)
 
 
 def test_set_in_use_decides() -> None:
     choice = sources(SRC1_POSXY=3, SRC1_POSZ=1, **SECOND)
     choice.active_set = 1
-    assert choice.position_alignment() == (False, False)
+    assert choice.position_alignment(JULY_2025) == (False, False)
 
 
 @pytest.mark.parametrize(("options", "position", "aligned"), [
@@ -142,11 +143,11 @@ def test_set_in_use_decides() -> None:
 ])  # fmt: skip
 def test_flying_by_optical_flow_aligns_when_asked_to(options: int, position: SourceXY, aligned: bool) -> None:
     params = {"SRC1_POSXY": position, "SRC1_VELXY": SourceXY.OPTFLOW, "SRC_OPTIONS": options, **SECOND}
-    assert sources(**params).position_alignment()[0] is aligned
+    assert sources(**params).position_alignment(JULY_2025)[0] is aligned
 
 
 def test_option_for_optical_flow_takes_optical_flow() -> None:
-    assert not sources(SRC1_VELXY=SourceXY.GPS, SRC_OPTIONS=2, **SECOND).position_alignment()[0]
+    assert not sources(SRC1_VELXY=SourceXY.GPS, SRC_OPTIONS=2, **SECOND).position_alignment(JULY_2025)[0]
 
 
 # What a source is used for
@@ -194,10 +195,32 @@ def test_gps_is_used_by_the_active_set(params: dict[str, int], used: bool) -> No
     assert sources(**params).uses_gps() is used
 
 
+EACH = {"SRC_OPTIONS": 8, "SRC1_POSXY": 3, "SRC1_YAW": 1, **SECOND, "SRC2_YAW": 6}
+
+
+def test_each_core_has_the_set_of_its_number_from_2025_07_on() -> None:
+    choice = sources(**EACH)
+    choice.active_set = 1
+    cores = [choice.of_core(core, JULY_2025) for core in range(4)]
+    assert [core.yaw() for core in cores] == [SourceYaw.COMPASS, SourceYaw.EXTNAV, SourceYaw.NONE, SourceYaw.EXTNAV]
+    assert [core.pos_xy() for core in cores[:2]] == [SourceXY.GPS, SourceXY.EXTNAV]
+    assert [core.active_set for core in cores] == [1] * 4
+    assert [choice.of_core(core, STABLE_4_6).yaw() for core in range(3)] == [SourceYaw.EXTNAV] * 3
+
+
+def test_camera_that_any_core_uses_is_not_aligned() -> None:
+    assert sources(**EACH).position_alignment(JULY_2025) == (False, False)
+    both = {f"SRC{index}_{row}": value for index in (1, 2) for row, value in (("POSXY", 3), ("POSZ", 1))}
+    third = {"SRC3_POSXY": 6, "SRC3_POSZ": 6}
+    assert sources(**both, **third).position_alignment(JULY_2025) == (True, True)
+    assert sources(**both, **third, SRC_OPTIONS=8).position_alignment(JULY_2025) == (False, False)
+    assert sources(**both, **third, SRC_OPTIONS=8).position_alignment(STABLE_4_6) == (True, True)
+
+
 @pytest.mark.parametrize(("aligns_source_in_use", "is_aligned"), [(False, False), (True, True)])
 def test_camera_that_is_in_use_is_aligned_to_flow_up_to_4_6(aligns_source_in_use: bool, is_aligned: bool) -> None:
     choice = sources(SRC1_POSXY=SourceXY.EXTNAV, SRC1_VELXY=SourceXY.OPTFLOW, SRC_OPTIONS=2)
-    assert choice.position_alignment(aligns_source_in_use)[0] is is_aligned
+    assert choice.position_alignment(STABLE_4_6 if aligns_source_in_use else JULY_2025)[0] is is_aligned
 
 
 @pytest.mark.parametrize(

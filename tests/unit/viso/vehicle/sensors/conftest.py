@@ -65,7 +65,7 @@ class FilterLoop:
         self._lanes = Lanes(
             core_params,
             EkfSources(lambda name: table.get_int(f"EK3_{name}")),
-            RingSizes(LONGEST_DELAY_MS, False),
+            [RingSizes(LONGEST_DELAY_MS, False)],
             JULY_2025,
             imus,
             [0],
