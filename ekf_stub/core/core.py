@@ -244,6 +244,8 @@ class Core:
         # In the firmware always 0, which after half of 2^32 ms is in the future.
         long_ago_ms = max(0, now_ms - _LONG_AGO_MS)
         self._steps = [Inertial(ZERO, ZERO, 0.0, 0.0, long_ago_ms) for _ in range(sizes.imu)]
+        for step in self._steps:
+            step.gyro = step.accel = self.imu
         ext_nav.reset()
         ext_nav.horizon_ms = long_ago_ms & U32
         self.resets = Resets(params, state, output, aiding, sources, ext_nav, gps)
@@ -337,9 +339,8 @@ class Core:
             if self._tests_stillness:
                 self._test_stillness()
             sampler.add(delta, now_ms, True)
-        if imus.are_several() and self._inactive.update(imus, self.imu, self.state, sampler.dt_ekf_avg):
-            # What waits for the horizon is of the sensors before.
-            self._steps = [self._inactive.corrected(step, sampler.dt_ekf_avg) for step in self._steps]
+        if imus.are_several():
+            self._inactive.update(imus, self.imu, self.state, sampler.dt_ekf_avg)
         self.stillness.sense(delta)
         if self._tests_stillness:
             self._test_stillness()
@@ -347,11 +348,13 @@ class Core:
             self.stillness.skip()
         step = sampler.add(delta, now_ms, not is_late or self._passes_of_step >= _MOST_PASSES_OF_STEP)
         if step is None:
-            self.output.integrate(delta, self.state, sampler.dt_ekf_avg, self._params.HRT_FILT)
+            state = self.state
+            self.output.integrate(delta, state.gyro_bias, state.accel_bias, sampler.dt_ekf_avg, self._params.HRT_FILT)
             self._passes_of_step += 1
         else:
             self.stepped = True
             self._passes_of_step = 0
+            step.gyro, step.accel = self._inactive.gyro, self._inactive.accel
             self._steps.pop(0)
             self._steps.append(step)
             self._step(now_ms)
@@ -528,9 +531,11 @@ class Core:
     def _step(self, now_ms: int) -> None:
         """Make a step of the filter, and draw the output towards what comes of it."""
         dt_ekf_avg, state, ext_nav = self._sampler.dt_ekf_avg, self.state, self.ext_nav
-        step = self._steps[0].at_least(_MIN_STEP * dt_ekf_avg)
+        measured = self._steps[0].at_least(_MIN_STEP * dt_ekf_avg)
+        step = self._inactive.corrected(measured, state, dt_ekf_avg)
+        gyro_bias, accel_bias = state.gyro_bias, state.accel_bias
         ext_nav.horizon_ms = step.time_ms & U32
-        self._predict(step, dt_ekf_avg)
+        self._predict(step, measured, dt_ekf_avg)
         self._read_sensors(now_ms)
         self._fuse(now_ms, step)
         self._update_flags(now_ms)
@@ -538,16 +543,16 @@ class Core:
         self._accel_bias_rate = scaled(state.accel_bias, 1.0 / dt_ekf_avg)
         delay_s = 1e-3 * since_ms(now_ms, ext_nav.horizon_ms)
         tau_s = limited(0.01 * self._params.TAU_OUTPUT, 0.1, 0.5)
-        self.output.integrate(self.delta, state, dt_ekf_avg, self._params.HRT_FILT)
+        self.output.integrate(self.delta, gyro_bias, accel_bias, dt_ekf_avg, self._params.HRT_FILT)
         self.output.follow(state, delay_s, tau_s, dt_ekf_avg)
 
-    def _predict(self, step: Inertial, dt_ekf_avg: float) -> None:
+    def _predict(self, step: Inertial, measured: Inertial, dt_ekf_avg: float) -> None:
         state = self.state
         self.yaw.begin_step()
         if self.flow_reading.received_ms >= 0:
             self.flow_reading.note_turn(state.turn_of(step, dt_ekf_avg), step.del_ang_dt)
         is_moved = self._fuses_rest and not self.stillness.is_still
-        state.predict(step, dt_ekf_avg, self.aiding.mode != NO_AIDING, self.vehicle.on_ground, is_moved)
+        state.predict(step, measured, dt_ekf_avg, self.aiding.mode != NO_AIDING, self.vehicle.on_ground, is_moved)
         self.gps.note_motion(state.rotation, step)
         self.height.terrain.constrain()
         self.yaw.by_gps.predict(step)

@@ -123,55 +123,51 @@ class InactiveBiases:
     """
 
     def __init__(self, imu: int) -> None:
-        self._gyro = imu
-        self._accel = imu
+        self.gyro = imu
+        self.accel = imu
         self._gyro_biases = [ZERO] * MAX_IMUS
         self._accel_biases = [ZERO] * MAX_IMUS
-        self.gyro_change: Vec3 = ZERO
-        self.accel_change: Vec3 = ZERO
 
-    def update(self, imus: Imus, imu: int, state: State, dt_ekf_avg: float) -> bool:
-        """Give the state the biases of the sensors that a core of an IMU uses, and learn those of the others.
-
-        Returns whether it uses others than before; ``gyro_change`` and ``accel_change`` are then by how much their
-        biases differ.
-        """
+    def update(self, imus: Imus, imu: int, state: State, dt_ekf_avg: float) -> None:
+        """Give the state the biases of the sensors that a core of an IMU uses, and learn those of the others."""
         gyro, accel = imus.gyro_of(imu), imus.accel_of(imu)
-        has_changed = gyro != self._gyro or accel != self._accel
-        if has_changed:
-            self.gyro_change = sub(self._gyro_biases[gyro], self._gyro_biases[self._gyro])
-            self.accel_change = sub(self._accel_biases[accel], self._accel_biases[self._accel])
-            if gyro != self._gyro:
-                state.set_gyro_bias(self._gyro_biases[gyro])
-            if accel != self._accel:
-                state.set_accel_bias(self._accel_biases[accel])
-            self._gyro, self._accel = gyro, accel
+        if gyro != self.gyro:
+            state.set_gyro_bias(self._gyro_biases[gyro])
+        if accel != self.accel:
+            state.set_accel_bias(self._accel_biases[accel])
+        self.gyro, self.accel = gyro, accel
         self._learn(imus, state, dt_ekf_avg)
-        return has_changed
 
     def _learn(self, imus: Imus, state: State, dt: float) -> None:
         """Draw the bias of each other sensor to where it measures what the one in use does."""
-        used_gyro, used_accel = imus.imus[self._gyro], imus.imus[self._accel]
+        used_gyro, used_accel = imus.imus[self.gyro], imus.imus[self.accel]
         for number, imu in enumerate(imus.imus):
             if not imu.has_data:
                 continue
-            if imu.has_gyro and number == self._gyro:
+            if imu.has_gyro and number == self.gyro:
                 self._gyro_biases[number] = state.gyro_bias
             elif imu.has_gyro and used_gyro.has_gyro and used_gyro.has_data:
                 self._gyro_biases[number] = _drawn(
                     self._gyro_biases[number], imu.gyro, used_gyro.gyro, state.gyro_bias, dt, _MAX_GYRO_ERROR
                 )
-            if imu.has_accel and number == self._accel:
+            if imu.has_accel and number == self.accel:
                 self._accel_biases[number] = state.accel_bias
             elif imu.has_accel and used_accel.has_accel and used_accel.has_data:
                 self._accel_biases[number] = _drawn(
                     self._accel_biases[number], imu.accel, used_accel.accel, state.accel_bias, dt, _MAX_ACCEL_ERROR
                 )
 
-    def corrected(self, step: Inertial, dt_ekf_avg: float) -> Inertial:
-        """Return a step of the sensors before so that the biases of those in use correct it."""
-        del_ang = add(step.del_ang, scaled(self.gyro_change, step.del_ang_dt / dt_ekf_avg))
-        del_vel = add(step.del_vel, scaled(self.accel_change, step.del_vel_dt / dt_ekf_avg))
+    def corrected(self, step: Inertial, state: State, dt_ekf_avg: float) -> Inertial:
+        """Return a step, if it is of other sensors, so that the state's biases correct it by theirs."""
+        if step.gyro == self.gyro and step.accel == self.accel:
+            return step
+        del_ang, del_vel = step.del_ang, step.del_vel
+        if step.gyro != self.gyro:
+            change = sub(state.gyro_bias, self._gyro_biases[step.gyro])
+            del_ang = add(del_ang, scaled(change, step.del_ang_dt / dt_ekf_avg))
+        if step.accel != self.accel:
+            change = sub(state.accel_bias, self._accel_biases[step.accel])
+            del_vel = add(del_vel, scaled(change, step.del_vel_dt / dt_ekf_avg))
         return Inertial(del_vel, del_ang, step.del_vel_dt, step.del_ang_dt, step.time_ms)
 
 

@@ -46,6 +46,7 @@ class Inertial:
         del_ang: rotation, rad, body.
         del_vel_dt, del_ang_dt: the seconds over which each was measured.
         time_ms: of its end, since boot; of a step only.
+        gyro, accel: of a step, the numbers of its sensors.
     """
 
     def __init__(self, del_vel: Vec3, del_ang: Vec3, del_vel_dt: float, del_ang_dt: float, time_ms: int = 0) -> None:
@@ -54,6 +55,8 @@ class Inertial:
         self.del_vel_dt = del_vel_dt
         self.del_ang_dt = del_ang_dt
         self.time_ms = time_ms
+        self.gyro = 0
+        self.accel = 0
 
     def is_sound(self) -> bool:
         """Return whether it is finite, and no more than a vehicle survives."""
@@ -70,9 +73,11 @@ class Inertial:
         """Return it with intervals of no less than some seconds."""
         if self.del_vel_dt >= dt and self.del_ang_dt >= dt:
             return self
-        return Inertial(
+        longer = Inertial(
             self.del_vel, self.del_ang, larger(self.del_vel_dt, dt), larger(self.del_ang_dt, dt), self.time_ms
         )
+        longer.gyro, longer.accel = self.gyro, self.accel
+        return longer
 
 
 @final

@@ -66,6 +66,7 @@ class OutputPredictor:
         self._angle_correction: Vec3 = ZERO
         self._pos_integral: Vec3 = ZERO
         self._vel_integral: Vec3 = ZERO
+        self._climb_integral = 0.0  # of the vertical velocity while accelerometers are bad
         self.angle_error = 0.0
         self.vel_error = 0.0
         self.pos_error = 0.0
@@ -73,13 +74,18 @@ class OutputPredictor:
         self._filtered_down = state.pos[2]
         self._filtered_accel = 0.0
 
-    def integrate(self, delta: Inertial, state: State, dt_ekf_avg: float, height_filter_hz: float) -> None:
-        """Move on by a pass of the main loop, whose inertial data must be sound; the filter is EK3_HRT_FILT's."""
+    def integrate(
+        self, delta: Inertial, gyro_bias: Vec3, accel_bias: Vec3, dt_ekf_avg: float, height_filter_hz: float
+    ) -> None:
+        """Move on by a pass of the main loop, whose inertial data must be sound.
+
+        The biases are those at the beginning of the pass; the filter of heights is EK3_HRT_FILT's.
+        """
         now = self.now
         dt = delta.del_vel_dt
-        angle = sub(delta.del_ang, scaled(state.gyro_bias, delta.del_ang_dt / dt_ekf_avg))
+        angle = sub(delta.del_ang, scaled(gyro_bias, delta.del_ang_dt / dt_ekf_avg))
         quat = turned(now.quat, add(angle, self._angle_correction))
-        velocity = sub(delta.del_vel, scaled(state.accel_bias, dt / dt_ekf_avg))
+        velocity = sub(delta.del_vel, scaled(accel_bias, dt / dt_ekf_avg))
         north, east, down = rotated(quat, velocity)
         down += GRAVITY_MSS * dt
         self._filter_height(now.pos[2], down, dt, height_filter_hz)
@@ -115,10 +121,13 @@ class OutputPredictor:
         self.angle_error = 2.0 * length(vector)
         self.pos_error, self.vel_error = length(pos_error), length(vel_error)
         self._pos_integral = add(self._pos_integral, pos_error)
-        counted = vel_error
+        before = self._vel_integral
+        self._vel_integral = add(before, vel_error)
         if state.accel_is_bad:  # vertically what counts is how far the present velocity is from that at the horizon
-            counted = vel_error[0], vel_error[1], state.vel[2] - self.now.vel[2]
-        self._vel_integral = add(self._vel_integral, counted)
+            self._climb_integral += state.vel[2] - self.now.vel[2]
+            self._vel_integral = self._vel_integral[0], self._vel_integral[1], self._climb_integral
+        else:
+            self._climb_integral = before[2]  # FIRMWARE PARITY: without the error of the last good step
         by_integral = _INTEGRAL_GAIN * gain * gain
         pos = add(scaled(pos_error, gain), scaled(self._pos_integral, by_integral))
         vel = add(scaled(vel_error, gain), scaled(self._vel_integral, by_integral))

@@ -177,8 +177,13 @@ class State:
 
     # Prediction
 
-    def predict(self, step: Inertial, dt_ekf_avg: float, aided: bool, on_ground: bool, is_moved: bool) -> None:
+    def predict(
+        self, step: Inertial, measured: Inertial, dt_ekf_avg: float, aided: bool, on_ground: bool, is_moved: bool
+    ) -> None:
         """Move state and covariance on by a step; refuse unsound inertial data.
+
+        ``measured`` is the step as its sensors measured it, of which the covariance's prediction takes the state's
+        biases, though they are other sensors' (`InactiveBiases.corrected`).
 
         On the ground an accelerometer's bias is learned along gravity only, and not at all while somebody moves the
         vehicle.
@@ -190,8 +195,11 @@ class State:
         self._set_dt(dt_ekf_avg)
         if self.learns_biases:
             self._max_accel_bias = limited(self._params.ACC_BIAS_LIM, 0.0, _MAX_ACCEL_BIAS_SIGMA) * dt_ekf_avg
-        angle, velocity = sub(step.del_ang, self.gyro_bias), sub(step.del_vel, self.accel_bias)
         self._move(step, dt_ekf_avg, aided)
+        angle, velocity = (
+            sub(measured.del_ang, self.gyro_bias),
+            sub(measured.del_vel, self.accel_bias),
+        )  # within limits now
         if self.learns_biases:
             self._freeze_unobservable(on_ground, is_moved)
         dt = limited(0.5 * (step.del_ang_dt + step.del_vel_dt), 0.5 * dt_ekf_avg, 2.0 * dt_ekf_avg)
