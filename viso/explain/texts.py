@@ -130,6 +130,7 @@ IN_FLIGHT: Final = (
         "VISION_POSITION_DELTA, or wheels, give the velocity",
         "that the deltas are not zero while the vehicle moves (XKFD in the log)",
         "nothing",
+        ("XN9-32",),
     ),
     Text(
         "EKF3 IMU0 fusing optical flow",
@@ -143,7 +144,7 @@ IN_FLIGHT: Final = (
         "the EKF check failed, and the filter took its yaw from an estimate by GPS (EKFGSF)",
         "the compass, or the yaw of the stream, against the course; EK3_SRC1_YAW",
         "calibrate the compass, or correct the yaw that is sent; EK3_SRC1_YAW 6 only if the stream knows north",
-        ("XN8-04", "XN9-11"),
+        ("XN9-31", "XN8-04", "XN9-11"),
     ),
     Text(
         "EKF3 IMU0 forced reset",
@@ -181,30 +182,35 @@ IN_FLIGHT: Final = (
         "yaw was aligned again after take-off, by compass",
         "the heading before and after (XKF1.Yaw): external navigation in another frame jumps with it",
         "indoors do without a compass",
+        ("XN9-31",),
     ),
     Text(
         "EKF3 IMU0 MAG0 ground mag anomaly, yaw re-aligned",
         "the field at the ground was another one than above it",
         "iron in the ground at the place of take-off",
         "take off elsewhere, or do without a compass",
+        ("XN9-31",),
     ),
     Text(
         "EKF3 IMU0 origin set",
         "the filter has an origin: positions can be shown on a map, and the EKF check can act from now on",
         "the height at this moment: it is 0 only if external navigation begins at z = 0",
         "set the origin before the first pose arrives, or where z is 0",
+        ("XN7-31",),
     ),
     Text(
         "EKF3: origin already set",
         "SET_GPS_GLOBAL_ORIGIN, or a GPS, came after an origin was set; it cannot be moved",
         "who set it first: a GPS does even if no source is GPS",
         "GPS1_TYPE 0 where the origin is to be your own, or set it before the first fix; restart to set another one",
+        ("XN7-32",),
     ),
     Text(
         "EKF3 IMU0 initial pos NED = 0.0,0.0,-0.1 (m)",
         "where the estimate begins",
         "that the third number is near 0 on the ground",
         "let z begin at 0",
+        ("XN9-31",),
     ),
     Text(
         "EKF3 IMU0 initial vel NED = 0.0,0.0,0.0 (m/s)", "how fast the estimate begins", "that it is near 0", "nothing"
@@ -229,7 +235,10 @@ IN_FLIGHT: Final = (
         "position and yaw just before and after (XKF1): two sources with different origins jump by their difference",
         "EK3_SRC_OPTIONS 2 aligns external navigation while optical flow is in use; VISO_TYPE 2 and 3 align by "
         "themselves",
-        ("XN8-07",),
+        (
+            "XN9-31",
+            "XN8-07",
+        ),
     ),
     Text(
         "RC7: VisOdomAlign HIGH",
@@ -277,6 +286,7 @@ IN_FLIGHT: Final = (
         "the height of the origin is the height of the field from now on",
         "that the altitude of the origin is right",
         "set the origin with its altitude above the sea",
+        ("XN7-31",),
     ),
     Text(
         "Mode change to {LOITER} failed: requires position",
@@ -509,6 +519,7 @@ GPS: Final = (
         "the positions of receiver and filter differ by 10 m or more",
         "where the origin is",
         "set the origin where the vehicle is",
+        ("XN7-32",),
     ),
     Text("High GPS HDOP", "the dilution is above `GPS_HDOP_GOOD`", "`GPS_RAW_INT`", "send a lower `hdop`"),
     Text("AHRS: Waiting for 3D fix", "the filter waits for GPS", "`EK3_SRC1_POSXY`", "`GPS1_TYPE` 0, or send a fix"),

@@ -35,6 +35,10 @@ class Record:
         """Return a field's value; KeyError if the record has no such field."""
         return self.fields[label]
 
+    def __contains__(self, label: object) -> bool:
+        """Return whether the record has a field."""
+        return label in self.fields
+
 
 class SampleOutcome(NamedTuple):
     """What the filter, a model of EKF3, did with a sample that a message brought.

@@ -24,6 +24,7 @@ from viso.geometry.rotation import euler_from_quats
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
 _GPS: Final = 3
+_ALIGNS_BY_FLOW: Final = 2  # of EK3_SRC_OPTIONS
 _BY_EXTNAV: Final = "is using external nav data"
 _YAW_BY_STREAM: Final = (
     "Rotate the stream's frame to north in the sender, if north matters, as beside a GPS; EK3_SRC1_YAW is 6 already, "
@@ -244,17 +245,47 @@ def too_short_to_align(evidence: Evidence) -> Iterator[Sighting]:
     severity=Severity.WARNING,
     title="A switch of sources will jump",
     firmware=(
-        "While another source is active, other releases move the camera's position along with the vehicle's, so that a "
-        "switch is smooth. This one has lost that: position is aligned in no backend."
+        "While another source is active, types 2 and 3 move the camera's position along with the vehicle's, so that a "
+        "switch is smooth; while flow is, only with EK3_SRC_OPTIONS 2. Type 1 aligns nothing in any release; 4.7 "
+        "and the masters since February 2026 align in no type."
     ),
     source="AP_VisualOdom_Backend.cpp, AP_VisualOdom_Backend::align_position_to_ahrs",
     fix="Start the camera where the vehicle's origin is, or fly another release; see --firmware.",
 )
 def switch_jumps(evidence: Evidence) -> Iterator[Sighting]:
-    may_switch = evidence.source("POSXY") != EXTNAV and EXTNAV in (evidence.source("POSXY", n) for n in SOURCE_SETS[1:])
-    aligns = any(evidence.set_up.firmware.visual_odom.axes_to_align(True, True))
-    if evidence.viso_type in ALIGNING_TYPES and evidence.stream.poses and may_switch and not aligns:
+    by_set = [evidence.source("POSXY", number) for number in SOURCE_SETS]
+    others = [
+        n for n, source in zip(SOURCE_SETS, by_set, strict=True) if source != EXTNAV and _gives_motion(evidence, n)
+    ]
+    if not evidence.stream.poses or EXTNAV not in by_set or not others:
+        return
+    kind, aligns = evidence.viso_type, any(evidence.set_up.firmware.visual_odom.axes_to_align(True, True))
+    if kind in ALIGNING_TYPES and not aligns:
         yield Sighting(
-            f"VISO_TYPE is {evidence.viso_type}, a later source set takes positions from external navigation, and the "
-            f"firmware is {evidence.set_up.firmware.name}"
+            f"VISO_TYPE is {kind}, a source set takes positions from external navigation, set {others[0]} from another "
+            f"source, and the firmware is {evidence.set_up.firmware.name}"
         )
+    elif kind in ALIGNING_TYPES:
+        flow = [n for n in others if evidence.source("POSXY", n) == 0]
+        if flow and not int(evidence.param("EK3_SRC_OPTIONS")) & _ALIGNS_BY_FLOW:
+            yield Sighting(
+                f"VISO_TYPE is {kind}, source set {flow[0]} flies by optical flow, and EK3_SRC_OPTIONS is "
+                f"{evidence.param('EK3_SRC_OPTIONS'):.0f}",
+                fix="Set EK3_SRC_OPTIONS 2 (align external navigation while optical flow is in use).",
+                severity=Severity.NOTE,
+            )
+    elif kind == 1:
+        yield Sighting(
+            f"VISO_TYPE is 1, source set {by_set.index(EXTNAV) + 1} takes positions from external navigation, and set "
+            f"{others[0]} from another source",
+            fix=(
+                "Start the camera where the vehicle's origin is, or shift the stream in the sender to "
+                "LOCAL_POSITION_NED before a switch; VISO_TYPE 2 and 3 align by themselves (by flow with "
+                "EK3_SRC_OPTIONS 2)."
+            ),
+            severity=Severity.NOTE,
+        )
+
+
+def _gives_motion(evidence: Evidence, number: int) -> bool:
+    return any(evidence.source(name, number) not in (0, EXTNAV) for name in ("POSXY", "VELXY"))

@@ -13,7 +13,7 @@ CONTENT: Final = ("XN2", "XN3", "XN5", "XN6", "XN7-3", "XN8")
 _LOST: Final = tuple(f"XN9-{number:02d}" for number in (2, 3, 4, 10, 13, 15, 16))
 """The filter rejects or loses the stream."""
 _CAUSES: Final[Mapping[str, tuple[str, ...]]] = {
-    "XN3-12": ("XN3", "XN5-12", "XN6-01", "XN8", *_LOST),
+    "XN3-12": ("XN3", "XN5-12", "XN6-01", *_LOST),
     "XN3-01": ("XN3", *_LOST),
     "XN3-02": ("XN3", *_LOST),
     "XN3-09": ("XN3", *_LOST),

@@ -406,3 +406,50 @@ RANGE_LATE_US: Final = 150_000
 """In a climb of 1 m/s a shorter time is some centimetres, as the noise of heights."""
 RANGE_LATE_UNEXPLAINED: Final = 0.4
 """Of what the height does not explain, another time has to leave less."""
+
+# The vehicle's own estimate
+
+ORIGIN_NEAR_US: Final = 2_000_000
+"""Poses this long before the origin tell the height at which it was set."""
+
+ORIGIN_HEIGHT_M: Final = 0.2
+"""A smaller height, such as that of a camera above the ground, doubles unnoticed."""
+
+ORIGIN_FAR_M: Final = 0.5
+"""From this height on the error is more than a vehicle's own size."""
+
+FEWEST_FIXES: Final = 10
+"""Two seconds of a GPS at 5 Hz."""
+
+GPS_COARSE_M: Final = 0.5
+"""Accuracies below this are as good as those of external navigation."""
+
+MOVE_M: Final = 0.5
+"""A smaller step is lost in the noise of a flight."""
+
+MOVE_FAR_M: Final = 1.0
+"""A step that pulls a vehicle out of its place."""
+
+MOVE_YAW_DEG: Final = 10.0
+"""A smaller step of the yaw is a correction."""
+
+MOVE_DEG_OF_M: Final = 20.0
+"""As many degrees of a step of the yaw count as a metre of a step of the position."""
+
+MOVE_AFTER_US: Final = 600_000
+"""What moves an estimate happened this long before, at most."""
+
+MOVE_SAID_US: Final = 300_000
+"""A text about a move comes this long after it, at most."""
+
+FEWEST_DELTAS: Final = 20
+"""Two seconds of a DVL at 10 Hz."""
+
+DELTA_MOVES_M_S: Final = 0.2
+"""A vehicle that is faster does not stand."""
+
+DELTA_OVER_US: Final = 1_000_000
+"""Over this time the vehicle's speed is measured by its places."""
+
+ZERO_DELTAS_SHARE: Final = 0.3
+"""A sensor that measures reports exact zeros less often."""

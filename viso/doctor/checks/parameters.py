@@ -162,9 +162,15 @@ def no_source(evidence: Evidence) -> Iterator[Sighting]:
 def inactive_source_set(evidence: Evidence) -> Iterator[Sighting]:
     in_first = any(evidence.source(name) == EXTNAV for name in ROWS)
     later = [n for n in SOURCE_SETS[1:] if any(evidence.source(name, n) == EXTNAV for name in ROWS)]
-    if evidence.stream.vision and later and not in_first:
-        but = ", but EK3_SRC_OPTIONS fuses the velocities of all sets" if evidence.velocities_of_other_sets else ""
-        yield Sighting(f"only source set {later[0]} names external navigation; set 1 is in use after boot{but}")
+    if not evidence.stream.vision or not later or in_first:
+        return
+    own = evidence.vehicle.own_filter
+    is_known = own is not None and bool((own.sources >= 0).all(axis=1).any())
+    if own is not None and is_known and bool((own.sources == EXTNAV).any()):
+        return
+    but = ", but EK3_SRC_OPTIONS fuses the velocities of all sets" if evidence.velocities_of_other_sets else ""
+    use = "no other was chosen in this recording" if is_known else "set 1 is in use after boot"
+    yield Sighting(f"only source set {later[0]} names external navigation; {use}{but}")
 
 
 @check(

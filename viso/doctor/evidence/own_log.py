@@ -51,9 +51,9 @@ _EKF2_HEIGHT: Final[Mapping[int, int]] = {
 }
 
 
-def own_filter_in(log: LogColumns) -> OwnFilter:
-    """Return what the vehicle's own filter reported in a log."""
-    records = filter_records_in(log)
+def own_filter_in(log: LogColumns, records: FilterRecords | None = None) -> OwnFilter:
+    """Return what the vehicle's own filter reported in a log, whose records may have been read already."""
+    records = filter_records_in(log) if records is None else records
     status = records.status
     time_us = _us(status.time_s)
     texts = tuple((time, str(text)) for time, text in rows_of(log, "MSG", "Message"))

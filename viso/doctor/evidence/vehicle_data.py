@@ -24,6 +24,17 @@ from mav_handlers.wire.messages import (
     Message,
 )
 from viso.doctor.evidence.boot_clock import BootClock, boot_clock
+from viso.doctor.evidence.estimate import (
+    NO_FIXES,
+    EstimateListener,
+    Fixes,
+    Move,
+    Origin,
+    fixes_in,
+    moves_in,
+    odometry_in,
+    origin_in,
+)
 from viso.doctor.evidence.ground_sensors import NO_GROUND_SENSORS, GroundListener, GroundSensors, ground_sensors_in
 from viso.doctor.evidence.own_filter import OwnFilter
 from viso.doctor.evidence.own_log import own_filter_in
@@ -44,6 +55,7 @@ from viso.doctor.evidence.vehicle_position import (
 from viso.errors import InputError
 from viso.files.first_bytes import Content, content_of
 from viso.firmware.releases import DEFAULT, Firmware
+from viso.logs.filter_records import filter_records_in
 from viso.logs.recorded import read_columns, recorded_states
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, HeardParams, ParamListener, is_autopilot
 from viso.streams.stream import received_in
@@ -122,6 +134,9 @@ class VehicleData:
         is_copter: whether it flies by leaning; False if that is not known.
         is_submarine: whether it goes below where it starts; False if that is not known.
         are_stamps_steady: whether the clocks of the senders of external navigation run as the recording's.
+        moves: the steps of its own estimate that no motion explains.
+        origin, fixes: the first origin of its estimate, and its GPS's.
+        odometry: N x 2, time in us and size in m/s of its filter's innovations of deltas (XKFD).
     """
 
     system_id: int | None = None
@@ -142,6 +157,10 @@ class VehicleData:
     is_copter: bool = False
     is_submarine: bool = False
     are_stamps_steady: bool = True
+    moves: tuple[Move, ...] = ()
+    origin: Origin | None = None
+    fixes: Fixes = NO_FIXES
+    odometry: Floats = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def best_attitude(self) -> AttitudeSeries | None:
@@ -167,6 +186,10 @@ class VehicleData:
             level=other.level or self.level,
             truth=other.truth or self.truth,
             own_filter=other.own_filter or self.own_filter,
+            moves=other.moves if other.own_filter else self.moves,
+            origin=other.origin or self.origin,
+            fixes=other.fixes if len(other.fixes) else self.fixes,
+            odometry=other.odometry if len(other.odometry) else self.odometry,
             ground=self.ground.beside(other.ground),
             is_copter=self.is_copter or other.is_copter,
             is_submarine=self.is_submarine or other.is_submarine,
@@ -180,6 +203,7 @@ class _Listener:
             *ParamListener.MESSAGES,
             *PositionListener.MESSAGES,
             *FilterListener.MESSAGES,
+            *EstimateListener.MESSAGES,
             *VISION_NAMES,
             "HEARTBEAT",
             "ATTITUDE",
@@ -199,6 +223,7 @@ class _Listener:
         self._texts: dict[int, list[tuple[int, int, str]]] = {}
         self._positions: defaultdict[int, PositionListener] = defaultdict(PositionListener)
         self._filters: defaultdict[int, FilterListener] = defaultdict(FilterListener)
+        self._estimates: defaultdict[int, EstimateListener] = defaultdict(EstimateListener)
         self._truths: dict[int, list[tuple[float, ...]]] = {}
         self._stamps: dict[Sender, list[tuple[int, int, int]]] = {}
         self._kinds: dict[int, int] = {}
@@ -214,6 +239,7 @@ class _Listener:
             return
         self._positions[sender].take(time_us, message)
         self._filters[sender].take(time_us, message)
+        self._estimates[sender].take(time_us, message)
         if isinstance(message, HEARTBEAT):
             self._kinds[sender] = message.type
         if self.system_id is None and is_autopilot(header.component_id, message):
@@ -239,7 +265,7 @@ class _Listener:
         new_values = [(change.time_us, change.name, change.new) for change in changes]
         params = sources_of((*first.items(), *((name, value) for _, name, value in new_values)))
         attitude, places = _series(self._attitudes.get(self.system_id, [])), self._positions[self.system_id]
-        truth = _truth(self._truths.get(self.system_id, []))
+        truth, estimate = _truth(self._truths.get(self.system_id, [])), self._estimates[self.system_id]
         return VehicleData(
             self.system_id,
             None if attitude is None else replace(attitude, follows_stream=follows_yaw(params)),
@@ -253,6 +279,9 @@ class _Listener:
                 first, new_values, [(time_us, text) for time_us, _, text in texts]
             ),
             level=places.level(params),
+            moves=estimate.moves,
+            origin=estimate.origin,
+            fixes=estimate.fixes,
             truth=truth,
             is_simulated=truth is not None or is_of_simulator(first),
             is_copter=self._kinds.get(self.system_id) in _COPTERS,
@@ -340,8 +369,8 @@ def vehicle_of_log(path: Path) -> VehicleData:
 
 def vehicle_in(path: Path, log: LogColumns) -> VehicleData:
     """Return what a DataFlash log that has been read holds of the vehicle."""
-    truth = truth_in(log)
-    own_filter = own_filter_in(log)
+    truth, fixes, records = truth_in(log), fixes_in(log), filter_records_in(log)
+    own_filter = own_filter_in(log, records)
     banners = [text for _, text in own_filter.texts]
     data = VehicleData(
         is_copter=any(text.startswith("ArduCopter V") for text in banners),
@@ -349,6 +378,10 @@ def vehicle_in(path: Path, log: LogColumns) -> VehicleData:
         position=position_in(log),
         own_filter=own_filter,
         level=level_in(log),
+        moves=moves_in(records),
+        origin=origin_in(log, fixes),
+        fixes=fixes,
+        odometry=odometry_in(log),
         ground=ground_sensors_in(log),
         truth=None if truth is None else AttitudeSeries(truth[:, 0].astype(np.int64), np.radians(truth[:, 1:]), "SIM"),
     )
