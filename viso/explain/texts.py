@@ -402,6 +402,13 @@ EXTERNAL_NAVIGATION: Final = (
 )
 ESTIMATOR: Final = (
     Text(
+        "ExternalAHRS: Invalid backend",
+        "`AHRS_EKF_TYPE` is 11, an external estimator, and none is there",
+        "`AHRS_EKF_TYPE`",
+        "set `AHRS_EKF_TYPE` to 3 and restart",
+        ("XN7-12",),
+    ),
+    Text(
         "AHRS: EKF3 not started",
         "the filter does not run yet",
         "`AHRS_EKF_TYPE` and `EK3_ENABLE`",
