@@ -28,10 +28,12 @@ from viso.firmware.releases import JULY_2025, PROFILES, Firmware
 
 WITHOUT_CAMERA: Final = "flow_take_off"
 """This vehicle has a flow sensor and a range finder instead, which ours has not."""
+FILTER_ALONE: Final = "stamps"
+"""A log for the filter; its barometer does not read what that of the other recordings does."""
 NAMES = sorted(
     f"{path.parts[-3]}/{log_name(path)}"
     for path in PARITY.glob("20*/logs/*.BIN.xz")
-    if log_name(path) != WITHOUT_CAMERA
+    if log_name(path) not in (WITHOUT_CAMERA, FILTER_ALONE)
 )
 LATER: Final = "2026-02/t265"
 """A log of another release: its folder, and its name there."""
