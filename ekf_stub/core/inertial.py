@@ -92,7 +92,7 @@ class DownSampler:
         self.restart()
 
     def restart(self) -> None:
-        """Begin a step anew, as the filter restarts.
+        """Restart the step, as the filter restarts.
 
         FIRMWARE PARITY: the rotation since the last step is kept (NavEKF3_core::InitialiseVariables).
         """
