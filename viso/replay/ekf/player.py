@@ -139,6 +139,10 @@ class EkfPlayer:
         """Return the present estimates of a core."""
         return UNINITIALISED if self.lanes is None else report_of(self.lanes, list(self.imus).index(number))
 
+    def choose_source_set(self, index: int) -> None:
+        """Choose a set of sources, 0..2."""
+        self._sources.active_set = index
+
     def take(self, record: Any) -> None:
         """Handle the next record of the log that is not inertial data.
 
@@ -363,7 +367,7 @@ class EkfPlayer:
     def _take_rev3(self, record: Any) -> None:
         (event,) = whole(record, "Event")
         if event in _SOURCE_SETS:
-            self._sources.active_set = _SOURCE_SETS.index(event)
+            self.choose_source_set(_SOURCE_SETS.index(event))
             self._events.source_set(self._sources.active_set)
         elif event == RESET_HEIGHT_DATUM and self.lanes is not None:
             self.lanes.reset_height_datum()

@@ -53,6 +53,7 @@ _COMPARED: Final = frozenset({"XKF1", "XKF3", "XKF4"})
 _READ: Final = (*PLAYED, "MSG", "XKF1", "XKF3")
 """The types that are read record by record."""
 
+_SOURCE_SET_EVENTS: Final = range(EV_SOURCE_SET_1, EV_SOURCE_SET_1 + 3)
 _PROGRESS_FRAMES: Final = 1000
 
 
@@ -194,6 +195,7 @@ class EkfRun:
         self._has_estimates = bool(log.counts.get("XKF4"))
         self.judged_by = recorded_firmware(log, self._given)
         player.release = self.judged_by.firmware.ekf
+        self._choose_first_source_set(log, int(frames.begins[0]) if len(frames) else 0)
         shown = 0
         problem = frames.problem()
         places = places_of(log, _READ)
@@ -214,6 +216,13 @@ class EkfRun:
             begun = np.searchsorted(frames.begins, problem[0], side="right") - 1
             player.time_us = max(player.time_us, int(frames.begin_times_us[begun]))
             raise problem[1]
+
+    def _choose_first_source_set(self, log: LogColumns, begin: int) -> None:
+        """Choose the set of sources that a switch of the transmitter chose before the replay records begin."""
+        for place, record in zip(places_of(log, ["EV"]), records_in(log, ["EV"]), strict=True):
+            (event,) = whole(record, "Id")
+            if place < begin and event in _SOURCE_SET_EVENTS:
+                self._playing.choose_source_set(_SOURCE_SET_EVENTS.index(event))
 
     def _run_until(self, place: int) -> None:
         """Run the frames that come before a place in the log; write estimates where the log has none of its own."""

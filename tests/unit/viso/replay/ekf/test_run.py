@@ -296,6 +296,20 @@ def test_source_set_is_chosen_by_an_event(rig: Rig) -> None:
 
 
 @pytest.mark.slow
+def test_source_set_may_have_been_chosen_before_the_first_frame(rig: Rig) -> None:
+    chosen = [("EV", {"TimeUS": 2_700_000, "Id": 86})]
+
+    def change(name: str, fields: dict[str, Any], _now_us: int) -> Iterator[Record]:
+        if name == "RFRH":
+            yield from chosen
+            chosen.clear()
+        yield name, fields
+
+    ours = rig.run(change, until_s=4.6)
+    assert {fields["SS"] for fields in of(ours, "XKFS") if fields["TimeUS"] > INITIALISED_US} == {1}
+
+
+@pytest.mark.slow
 def test_change_of_the_primary_core_is_logged(rig: Rig) -> None:
     wishes = [("PARM", changed(f"EK3_{name}", value)) for name, value in (("OPTIONS", 2.0), ("PRIMARY", 1.0))]
     ours = rig.run(after_frame(4_600_000, *wishes), until_s=5.0)
