@@ -96,7 +96,9 @@ class YawFusion:
         self._vel_pos = vel_pos
         self.compass = compass
         self.by_gps = by_gps
-        self._learns_field_on_ground = learns_field_on_ground
+        # What EK3_MAG_CAL becomes later has no effect (InitialiseVariables).
+        magcal = int(params.MAG_CAL)
+        self._magcal = magcal if magcal != GROUND_AND_CLIMBED or learns_field_on_ground else NEVER
         self._agreed_ms = -1
         self.aligned = False
         self.resets = 0
@@ -111,14 +113,15 @@ class YawFusion:
         self._gps_ms = 0
         self.source = NONE
         self.uses_compass = False
-        self._look_at_sources()
+        self._set_source = sources.yaw()
+        self._look_at_source()
         self._step_source = self.source
         self._source_changed = False
         self._yaw_at_rest = 0.0
         self._by_321_at_rest = True
 
-    def _look_at_sources(self) -> None:
-        source, has_compass = self._sources.yaw(), self.compass.is_used()
+    def _look_at_source(self) -> None:
+        source, has_compass = self._set_source, self.compass.is_used()
         self.source = NONE if source == COMPASS and not has_compass else source
         by_compass = source == COMPASS or source == GPS_COMPASS_FALLBACK
         self.uses_compass = by_compass and has_compass and not self.compass.has_failed
@@ -129,14 +132,20 @@ class YawFusion:
         return self._sources.yaw() == EXTNAV and in_use
 
     def control(self, vehicle: Vehicle) -> None:
-        """Look at the sources, and decide whether the magnetic fields are to be estimated, once a pass."""
-        self._look_at_sources()
+        """Look at the sources, and decide whether the magnetic fields are to be estimated, once a pass.
+
+        Another source is noted after that decision (controlFilterModes).
+        """
+        self._look_at_source()
         self._alignment.update(vehicle, self.innovation)
+        self._control_field(vehicle)
+        self._set_source = self._sources.yaw()
+        self._look_at_source()
+
+    def _control_field(self, vehicle: Vehicle) -> None:
+        magcal = self._magcal
         if vehicle.on_ground:
             self.field.is_learned = False
-        magcal = int(self._params.MAG_CAL)
-        if magcal == GROUND_AND_CLIMBED and not self._learns_field_on_ground:
-            magcal = NEVER
         on_ground = magcal == ALWAYS or magcal == GROUND_AND_CLIMBED
         if vehicle.on_ground and not on_ground and not self._state.learns_field:
             return

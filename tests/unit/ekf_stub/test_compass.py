@@ -385,10 +385,9 @@ def test_field_on_the_ground_by_mag_cal_7(release: FilterRelease, learns: bool) 
 
 
 def test_fields_begin_as_the_compass_feels_and_as_uncertain() -> None:
-    rig = with_compass()
+    rig = with_compass(MAG_CAL=0)
     rig.arm()
     rig.flying_ms = 6000
-    rig.set_param("MAG_CAL", 0)
     rig.one_pass()
     assert rig.core.state.learns_field
     rig.one_pass()
@@ -399,6 +398,23 @@ def test_fields_begin_as_the_compass_feels_and_as_uncertain() -> None:
     by_angle = (math.radians(20) * GAUSS * FIELD_NED[0]) ** 2
     assert variances[EARTH + 1] == pytest.approx(0.0025 * by_angle / (0.0025 + by_angle), rel=0.02)
     assert rig.report.earth_field == pytest.approx([GAUSS * part for part in FIELD_NED], abs=1e-3)
+
+
+def test_when_fields_are_estimated_is_as_it_was_when_the_filter_began() -> None:
+    rig = in_air()
+    rig.set_param("MAG_CAL", 2)
+    rig.run(0.3)
+    assert rig.core.state.learns_field
+
+
+def test_field_stays_near_that_of_the_table_after_each_prediction() -> None:
+    rig = in_air()
+    field = rig.core.yaw.field
+    north, east, down = rig.core.state.earth_field
+    field.use_table((north, east, down))
+    rig.core.state.set_earth_field((north + 0.1, east - 0.2, down))
+    field.constrain()
+    assert rig.core.state.earth_field == pytest.approx((north + 0.05, east - 0.05, down))
 
 
 def test_three_axes_are_fused_instead_of_the_heading_while_the_field_is_estimated() -> None:
@@ -499,10 +515,10 @@ def test_field_that_was_learned_is_kept_until_the_vehicle_has_landed() -> None:
     assert rig.core.yaw.field.is_learned
     learned = rig.report.variances[EARTH : BODY + 3]
     # WHEN they are not estimated for a moment in flight
-    rig.set_param("MAG_CAL", 2)
+    rig.compasses = {0: {"is_used": False}}
     rig.run(0.1)
     assert rig.report.variances[EARTH : BODY + 3] == (0.0,) * 6
-    rig.set_param("MAG_CAL", 0)
+    rig.compasses = {}
     rig.one_pass()
     # THEN they are as well known as before
     rig.one_pass()
