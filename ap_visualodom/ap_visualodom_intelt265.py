@@ -9,6 +9,7 @@ import numpy as np
 from ap_core.cint import int_of_float, u32
 from ap_core.fmath import constrain_float, degrees, f32, is_zero, wrap_2pi, wrap_360
 from ap_core.matrix3 import Matrix3f
+from ap_core.print_format import fixed
 from ap_core.quaternion import Quaternion
 from ap_core.rotations import Rotation, quaternion_from_rotation
 from ap_core.vector3 import Vector3f
@@ -254,11 +255,11 @@ class AP_VisualOdom_IntelT265(AP_VisualOdom_Backend):
             return "waiting for AHRS attitude"
         rp_diff_deg = degrees(ahrs_quat.roll_pitch_difference(self._attitude_last, self._frontend.errors))
         if rp_diff_deg > ATTITUDE_DIFF_MAX_DEG:
-            return f"roll/pitch diff {float(rp_diff_deg):4.1f} deg (>10)"
+            return f"roll/pitch diff {fixed(float(rp_diff_deg), 1, 4)} deg (>10)"
         angle_diff = ahrs_quat.angular_difference(self._attitude_last).to_axis_angle()
         yaw_diff_deg = degrees(abs(angle_diff.z))
         if yaw_diff_deg > ATTITUDE_DIFF_MAX_DEG:
-            return f"yaw diff {float(yaw_diff_deg):4.1f} deg (>10)"
+            return f"yaw diff {fixed(float(yaw_diff_deg), 1, 4)} deg (>10)"
         return None
 
     def should_consume_sensor_data(self, vision_position_estimate: bool, reset_counter: int) -> bool:

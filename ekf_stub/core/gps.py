@@ -10,6 +10,7 @@ import math
 from typing import Final, final
 
 from ap_core.location import Location
+from ap_core.print_format import fixed
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.inertial import Inertial
 from ekf_stub.core.params import Params
@@ -177,25 +178,25 @@ class GpsChecks:
         climb = abs(self._climb_ms) if sample.has_vertical_velocity else 0.0
         failure = ""
         if checks & _DRIFT and around.on_ground and self._drift_m > _MAX_DRIFT_M * scale:
-            failure = f"GPS drift {self._drift_m:.1f}m (needs {_MAX_DRIFT_M * scale:.1f})"
+            failure = f"GPS drift {fixed(self._drift_m, 1)}m (needs {fixed(_MAX_DRIFT_M * scale, 1)})"
         if checks & _VERT_SPEED and around.on_ground and climb > slow:
-            failure = f"GPS vertical speed {climb:.2f}m/s (needs {slow:.2f})"
+            failure = f"GPS vertical speed {fixed(climb, 2)}m/s (needs {fixed(slow, 2)})"
         if checks & _HORIZ_SPEED and around.on_ground and self._speed_ms > slow:
             # FIRMWARE PARITY: what it tells is the drift.
-            failure = f"GPS horizontal speed {self._drift_m:.2f}m/s (needs {slow:.2f})"
+            failure = f"GPS horizontal speed {fixed(self._drift_m, 2)}m/s (needs {fixed(slow, 2)})"
         horizontal, vertical = sample.horizontal_accuracy, sample.vertical_accuracy
         if checks & _POS_ERR and horizontal is not None and horizontal > _MAX_HORIZONTAL_M * scale:
-            failure = f"GPS horiz error {horizontal:.1f}m (needs {_MAX_HORIZONTAL_M * scale:.1f})"
+            failure = f"GPS horiz error {fixed(horizontal, 1)}m (needs {fixed(_MAX_HORIZONTAL_M * scale, 1)})"
         if checks & _POS_ERR and vertical is not None and vertical > _MAX_VERTICAL_M * scale:
-            failure = f"GPS vert error {vertical:.1f}m (needs < {_MAX_VERTICAL_M * scale:.1f})"
+            failure = f"GPS vert error {fixed(vertical, 1)}m (needs < {fixed(_MAX_VERTICAL_M * scale, 1)})"
         if checks & _SPEED_ERR and around.speed_accuracy > _MAX_SPEED_MS * scale:
-            failure = f"GPS speed error {around.speed_accuracy:.1f} (needs < {_MAX_SPEED_MS * scale:.1f})"
+            failure = f"GPS speed error {fixed(around.speed_accuracy, 1)} (needs < {fixed(_MAX_SPEED_MS * scale, 1)})"
         if checks & _HDOP and sample.hdop > _MAX_HDOP:
-            failure = f"GPS HDOP {sample.hdop * 0.01:.1f} (needs 2.5)"
+            failure = f"GPS HDOP {fixed(sample.hdop * 0.01, 1)} (needs 2.5)"
         if checks & _SATS and sample.num_sats < _MIN_SATS:
             failure = f"GPS numsats {sample.num_sats} (needs 6)"
         if checks & _YAW_ERR and max(around.mag_x, around.mag_y, around.yaw) > 1:
-            failure = f"Mag yaw error x={around.mag_x:.1f} y={around.mag_y:.1f}"
+            failure = f"Mag yaw error x={fixed(around.mag_x, 1)} y={fixed(around.mag_y, 1)}"
         return failure
 
 

@@ -74,7 +74,7 @@ def test_first_solution_is_told_of(fields: dict[str, Any], reason: str) -> None:
 @pytest.mark.parametrize(("fields", "reason"), [
     ({"num_sats": 5}, "GPS numsats 5 (needs 6)"),
     ({"hdop": 251}, "GPS HDOP 2.5 (needs 2.5)"),
-    ({"hdop": 65535}, "GPS HDOP 655.4 (needs 2.5)"),
+    ({"hdop": 65535}, "GPS HDOP 655.3 (needs 2.5)"),
     ({"horizontal_accuracy": 5.1}, "GPS horiz error 5.1m (needs 5.0)"),
     ({"vertical_accuracy": 7.6}, "GPS vert error 7.6m (needs < 7.5)"),
     ({"speed_accuracy": 1.1}, "GPS speed error 1.1 (needs < 1.0)"),

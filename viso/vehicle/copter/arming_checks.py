@@ -10,6 +10,7 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from ap_core.fmath import f32, norm3
+from ap_core.print_format import fixed
 from ekf_stub.inputs.measurements import GpsSample
 from viso.vehicle.copter.arming import ANY_CHECK, Check, CheckLists
 from viso.vehicle.copter.modes import Mode, ModeNumber
@@ -101,7 +102,9 @@ class ArmingChecks:
             return None
         way = solution.location.distance_ned(place)
         distance_m = norm3(way.x, way.y, f32(0))
-        return f"GPS and AHRS differ by {distance_m:4.1f}m" if distance_m > AHRS_GPS_ERROR_MAX_M else None
+        return (
+            f"GPS and AHRS differ by {fixed(float(distance_m), 1, 4)}m" if distance_m > AHRS_GPS_ERROR_MAX_M else None
+        )
 
     def _dilution_failure(self, solution: GpsSample | None) -> str | None:
         limit = self._vehicle.params.get_int("GPS_HDOP_GOOD")

@@ -9,6 +9,7 @@ from ap_core.cint import u32
 from ap_core.clock import NEVER
 from ap_core.fmath import f32, is_zero
 from ap_core.location import Location
+from ap_core.print_format import fixed
 from mav_handlers.handlers.missions import Mission
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME
 
@@ -112,4 +113,4 @@ class Home:
         self._has_field_elevation = not is_zero(elevation_m)
         self._field_elevation_ms = now_ms
         self._ahrs.reset_height_datum()
-        self._texts.send_text(_MAV_SEVERITY_INFO, f"Field Elevation Set: {elevation_m:.0f}m")
+        self._texts.send_text(_MAV_SEVERITY_INFO, f"Field Elevation Set: {fixed(float(elevation_m), 0)}m")

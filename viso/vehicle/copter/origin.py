@@ -11,6 +11,7 @@ from ap_core.cint import int_of_float
 from ap_core.clock import NEVER
 from ap_core.fmath import f32, ieee754
 from ap_core.location import Location
+from ap_core.print_format import fixed
 from ekf_stub.core.params import GPS
 from viso.logs.vehicle_log import ORGN_EKF
 
@@ -47,7 +48,7 @@ class Origin:
             self.note(origin)
         elif kept is not None and vehicle.ahrs.get_velocity_NED() is not None and vehicle.set_origin(kept):
             lat, lon, alt = (float(vehicle.params.get_float(name)) for name in _NAMES)
-            place = f"{_seven_digits(lat)},{_seven_digits(lon)},{alt:.1f}"
+            place = f"{fixed(lat, 7)},{fixed(lon, 7)},{fixed(alt, 1)}"
             vehicle.texts.send_text(_MAV_SEVERITY_INFO, f"AHRS: using recorded origin:{place}")
             vehicle.endpoint.request_message_everywhere("GPS_GLOBAL_ORIGIN")
 
@@ -76,9 +77,3 @@ class Origin:
             return None
         alt_cm = int_of_float(float(alt * f32(100)))
         return Location(int_of_float(float(lat) * 1e7), int_of_float(float(lon) * 1e7), alt_cm)
-
-
-def _seven_digits(value: float) -> str:
-    """Return a number as the firmware prints it with 7 decimals: it has no more than 7 digits that count."""
-    whole_digits = len(str(int(abs(value)))) if abs(value) >= 1 else 0
-    return f"{value:.{max(7 - whole_digits, 0)}f}"
