@@ -573,7 +573,7 @@ class Core:
         # Three axes of a compass take so long that the firmware leaves the rest to the next step, once.
         self._fusion_waits = self.yaw.field_was_fused and not self._fusion_waits
         if not self._fusion_waits:
-            ext_nav.recall(self.state.rotation, step, inputs.lever_arm)
+            ext_nav.recall(self.state.rotation, step, inputs.lever_arm, self._away_from_common())
             if inputs.gps is not None:
                 self._read_gps(now_ms)
             self.gps.recall(horizon_ms)
@@ -819,6 +819,16 @@ class Core:
 
     # Positions
 
+    def _away_from_common(self) -> Vec2:
+        """Return where the common origin is, m north and east from the core's own.
+
+        FIRMWARE PARITY: as long as the core has no origin of its own, that is where 0 N, 0 E is.
+        """
+        common = self._common.place
+        if common is None or common is self.origin:
+            return 0.0, 0.0
+        return (self.origin or Location(0, 0, 0)).distance_ne(common)
+
     def origin_alt_cm(self) -> int:
         """Return the height of the origin above mean sea level as it is told, 0 without one (getOriginLLH).
 
@@ -844,8 +854,7 @@ class Core:
             return 0.0, 0.0, down
         if is_unknown and common is not None and fix is not None and fix.fix_type >= _FIX_2D:
             north, east, _ = distance_ned(common, fix.location)
-        elif not is_unknown and common is not None and common is not self.origin:
-            # FIRMWARE PARITY: as long as the core has no origin of its own, that is where 0 N, 0 E is.
-            away_north, away_east = common.distance_ne(self.origin or Location(0, 0, 0))
-            north, east = north + away_north, east + away_east
+        elif not is_unknown:
+            away_north, away_east = self._away_from_common()
+            north, east = north - away_north, east - away_east
         return north, east, down

@@ -28,6 +28,7 @@ from ekf_stub.core.samples import (
 from ekf_stub.core.vectors import (
     U32,
     Rotation,
+    Vec2,
     Vec3,
     cross,
     is_finite,
@@ -217,13 +218,14 @@ class ExtNav:
         """Take out the odometry that has come due."""
         return self._recall(self._odometry, ev.ODOMETRY)
 
-    def recall(self, rotation: Rotation, step: Inertial, lever_arm: Vec3) -> None:
+    def recall(self, rotation: Rotation, step: Inertial, lever_arm: Vec3, common: Vec2) -> None:
         """Take out pose and velocity that have come due, and move them from the camera to the IMU.
 
-        The camera's place is as seen from there, m, body (FRD).
+        The camera's place is as seen from there, m, body (FRD). The origin from which poses count, which all cores have
+        in common, is as seen from the core's own, m north and east.
         """
         pose = self._recall(self._poses, ev.POSE)
-        self.has_pose = pose is not None and self._take_pose(pose, rotation, lever_arm)
+        self.has_pose = pose is not None and self._take_pose(pose, rotation, lever_arm, common)
         velocity = self._recall(self._velocities, ev.VELOCITY)
         self.has_velocity = velocity is not None and self._take_velocity(velocity, rotation, step, lever_arm)
 
@@ -238,12 +240,13 @@ class ExtNav:
             self._events.tell(kind, ev.SUPERSEDED if is_fresh else ev.TOO_OLD, sample.time_ms)
         return found
 
-    def _take_pose(self, sample: PoseSample, rotation: Rotation, lever_arm: Vec3) -> bool:
+    def _take_pose(self, sample: PoseSample, rotation: Rotation, lever_arm: Vec3, common: Vec2) -> bool:
         if not (is_finite(sample.pos) and math.isfinite(sample.err)):
             # FIRMWARE PARITY: there an infinite position fails its gate, but is fused once position has timed out.
             self._events.tell(ev.POSE, ev.NOT_FINITE, sample.time_ms)
             return False
-        pos = sample.pos
+        north, east, down = sample.pos
+        pos = north + common[0], east + common[1], down
         if not is_zero(lever_arm):
             pos = sub(pos, to_earth(rotation, lever_arm))
         self.pose = PoseSample(sample.time_ms, pos, sample.err, sample.is_reset)

@@ -565,3 +565,19 @@ def test_position_counts_from_the_origin_that_all_cores_share() -> None:
     assert rig.core.position()[0] == pytest.approx(float(from_nowhere.x), abs=1.0)
     rig.core.set_origin(HOME)
     assert rig.core.position() == pytest.approx((100, -50, -2), abs=0.05)
+
+
+def test_poses_count_from_the_origin_that_all_cores_share() -> None:
+    # GIVEN a core whose own origin is not the one that another has found first
+    rig = seen()
+    rig.lanes.common.place = HOME.offset(Vector3f(-1, 0.5, 0))
+    # WHEN a pose comes due before it has one of its own, THEN that is as far away as 0 N, 0 E
+    tell_pose(rig, 0.0, 0.0)
+    rig.run(0.2)
+    assert rig.became() == [("pose", "model_gate_position")]
+    assert math.hypot(*rig.core.vel_pos.pos_innovation[:2]) > 1e6
+    # WHEN one comes due after that, THEN it is as far from its own origin
+    rig.core.set_origin(HOME)
+    tell_pose(rig, 0.0, 0.0)
+    rig.run(0.2)
+    assert rig.core.vel_pos.pos_innovation[:2] == pytest.approx((1.0, -0.5), abs=0.05)
