@@ -646,7 +646,7 @@ class Core:
         state.vel_timeout = aiding.vel_timeout
         state.height_timeout = self.height.is_lost
         state.has_vertical_velocity = self.ext_nav.have_velocity or self.gps.tells_climb
-        state.odometry_in_use = self.odometry.is_fused and now_ms - aiding.odometry_ms < _ODOMETRY_IN_USE_MS
+        state.odometry_in_use = now_ms - aiding.odometry_ms < _ODOMETRY_IN_USE_MS
         state.flow_is_valid = flow.is_valid
         state.ground_is_valid = flow.ground_is_valid
         state.height_needs_origin = self.origin is None and self.sources.pos_z() == GPS

@@ -26,6 +26,7 @@ from tests.unit.ekf_stub.filter_rig import (
 
 GATE_SIGMAS = 5.0
 VEL, POS = 4, 7
+RELATIVE_POSITION = 1 << 3 | 1 << 8
 
 
 def just_moving() -> tuple[FilterRig, float]:
@@ -328,6 +329,21 @@ def test_end_of_aiding_lets_fusion_be_told_again() -> None:
     rig.feeds.add("odometry")
     rig.run(0.5)
     assert rig.told() == ["started relative aiding", "fusing odometry"]
+
+
+def test_aiding_that_has_just_started_counts_as_by_odometry_though_none_passes() -> None:
+    # GIVEN a vehicle whose aiding has ended
+    rig = moving()
+    rig.skip(5.2)
+    rig.run(0.1)
+    rig.forget()
+    # WHEN all odometry that comes then is wrong
+    for _ in range(10):
+        rig.odometry(9.0, 9.0, 9.0)
+        rig.run(0.06)
+    # THEN aiding starts again, and the position counts as known
+    assert rig.told() == ["started relative aiding"]
+    assert rig.core.flags & RELATIVE_POSITION == RELATIVE_POSITION
 
 
 def test_vehicle_keeps_its_position_by_odometry() -> None:
