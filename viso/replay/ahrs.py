@@ -21,11 +21,14 @@ from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_recorded import RecordedAhrs, RecordedStates
+from ekf_stub.ahrs.sources import BARO, COMPASS, GPS, OPTICAL_FLOW, RANGEFINDER, VISUAL_ODOM, source_failure
 from ekf_stub.core.aiding import NO_AIDING
 from ekf_stub.core.core import Core
 from ekf_stub.core.params import EkfSources
 from ekf_stub.core.vectors import euler_of
+from ekf_stub.inputs.measurements import DOWNWARD
 from ekf_stub.log.ext_nav_log import ExtNavLog
+from ekf_stub.log.replay_log import HAS_FLOW
 from ekf_stub.reports import FilterFlag
 from viso.errors import InputError
 from viso.firmware.releases import Firmware
@@ -161,6 +164,25 @@ class ReplayedAhrs(RecordedAhrs):
             return super().get_relative_position_NED_origin_float()
         navigates = core.aiding.mode != NO_AIDING and core.flags & FilterFlag.VERT_POS
         return Vector3f(*core.position()) if navigates else None
+
+    def pre_arm_failure(self, requires_position: bool) -> str | None:
+        """Return what is wrong with the source sets, by the sensors that the log has, or None."""
+        if self._core() is None:
+            return super().pre_arm_failure(requires_position)
+        return source_failure(self._sources, self._is_fitted, requires_position=requires_position)
+
+    def _is_fitted(self, sensor: str) -> bool:
+        inputs = self._player.inputs
+        finders = () if inputs.ranges is None else inputs.ranges.finders
+        fitted = {
+            BARO: True,
+            COMPASS: len(inputs.compasses.readings) > 0,
+            GPS: inputs.gps is not None,
+            OPTICAL_FLOW: inputs.flags & HAS_FLOW != 0,
+            RANGEFINDER: any(finder.orientation == DOWNWARD for finder in finders),
+            VISUAL_ODOM: inputs.camera_frd is not None,
+        }
+        return fitted.get(sensor, False)
 
 
 def ahrs_maker(

@@ -116,6 +116,19 @@ def test_filter_is_run_over_replay_records(begun: Path) -> None:
         assert found.to_tuple() == pytest.approx(position, abs=1e-5)
 
 
+@pytest.mark.parametrize(("sources", "failure"), [
+    ({"EK3_SRC1_POSXY": 6}, None),
+    ({"EK3_SRC3_VELXY": 5}, "EK3 sources require OpticalFlow"),
+    ({"EK3_SRC2_POSZ": 2}, "EK3 sources require RangeFinder"),
+])  # fmt: skip
+def test_source_sets_need_sensors_that_the_log_has(begun: Path, sources: dict[str, float], failure: str | None) -> None:
+    without_gps = {"EK3_SRC1_POSXY": 6.0, "EK3_SRC1_VELXY": 6.0, "EK3_SRC1_VELZ": 0.0}
+    make_ahrs = ahrs_maker(replace(NOTHING, log=begun))
+    vehicle = Vehicle(VehicleConfig(make_ahrs, defaults={**without_gps, **sources}))
+    vehicle.clock.set_us(A_TIME_US)
+    assert vehicle.ahrs.pre_arm_failure(requires_position=True) == failure
+
+
 def test_attitude_is_that_of_the_log_until_the_filter_runs(begun: Path) -> None:
     vehicle = following(begun)
     attitude = read_columns(begun).columns("ATT", ["TimeUS", "Yaw"])
