@@ -5,6 +5,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Final, NamedTuple
 
+_GPS_COMPASS_FALLBACK: Final = 3.0
 _BEACON: Final = 4.0
 _WHEEL_ENCODER: Final = 7.0
 _EXTERNAL: Final = 11.0
@@ -47,6 +48,16 @@ LEFT_OUT: Final = (
         "drag and wind",
         "drag is not fused, and wind not estimated here",
         dict.fromkeys(("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF"), 0),
+    ),
+    LeftOut(
+        "a compass that takes over",
+        "a compass does not take over from a GPS that has lost its yaw",
+        {"EK3_SRCn_YAW": _GPS_COMPASS_FALLBACK},
+    ),
+    LeftOut(
+        "compasses by their heading alone",
+        "EK3_MAG_CAL alone says when three axes of a compass are fused here",
+        {"EK3_MAG_MASK": 0},
     ),
     LeftOut("airspeed", "airspeed is not fused here", {"ARSPD_TYPE": 0}),
     LeftOut("External AHRS", "there is no External AHRS here", {"EAHRS_TYPE": 0, "AHRS_EKF_TYPE": _EXTERNAL}),
