@@ -353,6 +353,175 @@ OF_THE_FIRMWARE: Final = (
         ("XN8-13",),
     ),
     Text("Vibration compensation OFF", "the height fits again", "as before", "nothing"),
+    Text(
+        "EKF3 IMU0 yaw external",
+        "the yaw of a GPS with two antennas (EK3_SRC1_YAW 3) is back after a time on the compass: "
+        "external navigation has nothing to do with it",
+        "EK3_SRC1_YAW",
+        "nothing; for the yaw of a camera set EK3_SRC1_YAW 6",
+        ("XN7-08",),
+    ),
+    Text(
+        "EKF3 IMU0 yaw fallback active",
+        "the yaw of a GPS stopped in flight for 10 s, and EK3_SRC1_YAW is 3: the compass gives it",
+        "the second antenna and the sky",
+        "nothing; for the yaw of a camera set EK3_SRC1_YAW 6",
+    ),
+    Text(
+        "EKF3 waiting for GPS config data",
+        "a source of the active set is GPS, and the filter does not start before the receiver's type is known; the "
+        "text comes every 10 s",
+        "the sources EK3_SRC1_; whether a receiver is connected, and `GPS1_TYPE`",
+        "without a GPS take sources other than 3 (and 8 for the yaw), and GPS1_TYPE 0; with one, its type and port",
+        ("XN7-04", "XN7-05"),
+    ),
+    Text(
+        "EKF3 IMU0 is using range beacons",
+        "the filter navigates by beacons (UWB) from now on",
+        "EK3_SRC1_POSXY of the active set: 4 is beacons",
+        "if external navigation is meant, set EK3_SRC1_POSXY to 6",
+        ("XN7-05",),
+    ),
+    Text("EKF3 IMU0 initial pos NE = 0.0,0.0 (m)", "where the estimate by beacons begins", "nothing", "nothing"),
+    Text(
+        "EKF3 allocation failed",
+        "there is no memory for the filter's cores: EK3_ENABLE is 0 from now on",
+        "EK3_IMU_MASK; what else needs memory (scripting, log buffers)",
+        "EK3_IMU_MASK 1, or a larger board",
+        ("XN7-12",),
+    ),
+    Text(
+        "AHRS: no EKF3 cores", "EK3_IMU_MASK names no IMU that is there", "EK3_IMU_MASK", "EK3_IMU_MASK 3, and restart"
+    ),
+    Text(
+        "AHRS: invalid EKF type",
+        "AHRS_EKF_TYPE chooses an estimator that this build lacks",
+        "AHRS_EKF_TYPE",
+        "set it to 3, and restart",
+        ("XN7-12",),
+    ),
+    Text(
+        "AHRS: EKF2 not started", "AHRS_EKF_TYPE is 2", "AHRS_EKF_TYPE", "set it and EK3_ENABLE to 3 and 1", ("XN7-12",)
+    ),
+    Text(
+        "AHRS: Not healthy",
+        "the estimator in use is not healthy, and gives no closer reason",
+        "XKF4, or `EKF_STATUS_REPORT`",
+        "as for `AHRS: EKF3 core 0 unhealthy`",
+        ("XN9-10",),
+    ),
+    Text(
+        "Altitude disparity",
+        "with a position, the filter's height and the barometer's are more than 1 m apart on the ground: with "
+        "EK3_SRC1_POSZ 6, a stream whose z does not begin at 0, or a barometer that has drifted",
+        "z of the stream (VISP.PZ) against CTUN.BAlt",
+        "let z begin at 0; calibrate the barometer while disarmed",
+        ("XN7-31", "XN8-13"),
+    ),
+    Text(
+        "Dead Reckoning started",
+        "the filter has a position, and nothing measures position or velocity any more: only inertial data carry it",
+        "whether messages of external navigation still come",
+        "fly on in STABILIZE or ALT_HOLD; keep the stream alive",
+        ("XN4-05", "XN9-16"),
+    ),
+    Text(
+        "Dead Reckoning timeout",
+        "it has lasted for FS_DR_TIMEOUT, after which a position by inertial data alone counts no more",
+        "as `Dead Reckoning started`",
+        "as `Dead Reckoning started`",
+        ("XN4-05",),
+    ),
+    Text("Dead Reckoning stopped", "the filter has measurements again", "the position before and after", "nothing"),
+    Text(
+        "Fence requires position",
+        "a fence is on (FENCE_ENABLE, FENCE_TYPE), and there is no position in the world",
+        "whether an origin was set, and `is using external nav data` came",
+        "set the origin; or indoors FENCE_ENABLE 0",
+        ("XN9-15", "XN9-18"),
+    ),
+    Text(
+        "Fence enabled, need position estimate",
+        "likewise, of an attempt to arm in a mode that needs no position itself",
+        "likewise",
+        "likewise",
+        ("XN9-15",),
+    ),
+    Text(
+        "Need 3D Fix",
+        "firmware up to 3.6: the mode needs a position, and the filter has none; later the text is "
+        "`Need Position Estimate`, or one of `AHRS`",
+        "that the filter uses external navigation",
+        "firmware of today; before 4.1 external navigation goes to EKF2",
+        ("XN9-15",),
+    ),
+    Text(
+        "Bad GPS Position",
+        "firmware up to 3.6: a receiver is set, and has no 3D fix",
+        "GPS_TYPE",
+        "indoors set GPS_TYPE 0",
+    ),
+    Text(
+        "GPS Glitch",
+        "firmware up to 3.6: the filter rejects the GPS; today `GPS Glitch or Compass error`",
+        "the innovations of position",
+        "indoors set GPS_TYPE 0",
+        ("XN9-11",),
+    ),
+    Text("GPS 1: was not found", "no receiver answers", "GPS1_TYPE and its port", "indoors set GPS1_TYPE 0"),
+    Text(
+        "GPS 1: primary but TYPE 0",
+        "GPS_PRIMARY names a receiver that is off",
+        "GPS_PRIMARY",
+        "GPS_PRIMARY 0, or its type",
+    ),
+    Text(
+        "GPS positions differ by 80.0m", "two receivers are 50 m or more apart", "both fixes", "switch the bad one off"
+    ),
+    Text(
+        "Compass not calibrated",
+        "a compass that is used has no calibration",
+        "COMPASS_USE and COMPASS_OFS_X",
+        "calibrate it; or do without: COMPASS_USE 0 (and 2, 3) with EK3_SRC1_YAW 6",
+        ("XN7-08",),
+    ),
+    Text(
+        "Compass not healthy",
+        "a compass that is used delivers nothing",
+        "its cable",
+        "mend it; or COMPASS_USE 0 with EK3_SRC1_YAW 6",
+    ),
+    Text("Compass calibrated requires reboot", "the calibration counts from the next start", "nothing", "restart"),
+    Text("Compass offsets too high", "iron or magnets near it", "what is mounted near it", "move it, calibrate again"),
+    Text(
+        "Check mag field:  900, max 875, min 185",
+        "the field's strength is none of the earth: indoors steel and currents, or no calibration",
+        "the place",
+        "move away, calibrate; or COMPASS_USE 0 with EK3_SRC1_YAW 6",
+    ),
+    Text(
+        "Check mag field ({xy} diff:150>100)",
+        "the field differs from that of the earth at the origin: indoors, or at an invented origin",
+        "whether the origin is where the vehicle is",
+        "set the origin to the true place; or COMPASS_USE 0 with EK3_SRC1_YAW 6; ARMING_MAGTHRESH is the limit",
+    ),
+    Text("Gyros not healthy", "a gyro delivers nothing", "the board", "restart; else another board"),
+    Text("Gyros not calibrated", "it moved at start", "nothing", "hold still, and restart"),
+    Text("Accels not healthy", "an accelerometer delivers nothing", "the board", "restart; else another board"),
+    Text("3D Accel calibration needed", "accelerometers were never calibrated", "nothing", "calibrate them"),
+    Text(
+        "Crash: Disarming: AngErr=45>30, Accel=0.5<3.0",
+        "for 2 s its attitude was far from the wanted one, without acceleration: it lay on the ground",
+        "what came before: `EKF variance`, a wrong yaw, a jump",
+        "the cause before it",
+        ("XN9-31", "XN9-10"),
+    ),
+    Text(
+        "GCS Failsafe{ - Disarming}",
+        "the ground station's heartbeats stopped; those of a companion do not count unless it has that id",
+        "MAV_GCS_SYSID, before 4.7 SYSID_MYGCS",
+        "FS_GCS_ENABLE chooses what happens, 0 nothing",
+    ),
 )
 """What the firmware says and viso does not."""
 
