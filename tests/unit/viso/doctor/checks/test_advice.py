@@ -67,6 +67,11 @@ def test_advice_about_visual_odometry_says_that_the_build_has_none() -> None:
     ("XN5-07", ("XN9-10", "XN6-01"), ("XN6-01", "XN9-10")),
     ("XN2-02", ("XN8-05",), ("XN8-05",)),
     ("XN4-05", ("XN9-16", "XN9-13"), ("XN9-13", "XN9-16")),
+    ("XN3-13", ("XN3-11", "XN9-07", "XN9-31"), ("XN3-11", "XN9-07", "XN9-31")),
+    ("XN2-13", ("XN2-03", "XN8-12", "XN9-18"), ("XN2-03", "XN8-12")),
+    ("XN7-19", ("XN9-11", "XN7-18"), ("XN9-11",)),
+    ("XN8-07", ("XN9-31", "XN9-18"), ("XN9-31",)),
+    ("XN9-07", ("XN9-31",), ("XN9-31",)),
 ])  # fmt: skip
 def test_one_cause_explains_others(cause: str, others: tuple[str, ...], explained: tuple[str, ...]) -> None:
     found = probable_cause(diagnose(evidence_of([]), [made(code) for code in (*others, cause)]))
