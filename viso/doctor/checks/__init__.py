@@ -154,6 +154,7 @@ CHECKS: Final = (
     parameters.not_set_up,
     parameters.arms_without_vision,
     parameters.all_velocities_fused,
+    alignment.moved_in_use,
     estimate.origin_at_height,
     estimate.origin_of_gps,
     estimate.accuracies_of_gps,

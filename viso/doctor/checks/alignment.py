@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.ahrs.sources import EXTNAV
+from ekf_stub.ahrs.sources import EXTNAV, SourceXY
 from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import ALIGNED, aligned_us, lasting
 from viso.doctor.checks.check import Severity, Sighting, check
@@ -23,8 +23,7 @@ from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 from viso.geometry.rotation import euler_from_quats
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
-_GPS: Final = 3
-_ALIGNS_BY_FLOW: Final = 2  # of EK3_SRC_OPTIONS
+_ALIGNS_BY_FLOW: Final = 1 << 1  # of EK3_SRC_OPTIONS
 _BY_EXTNAV: Final = "is using external nav data"
 _YAW_BY_STREAM: Final = (
     "Rotate the stream's frame to north in the sender, if north matters, as beside a GPS; EK3_SRC1_YAW is 6 already, "
@@ -112,7 +111,8 @@ def _mean_angle(angles: Floats) -> tuple[float, float]:
     witness=Witness.LOG,
 )
 def rotated_frame(evidence: Evidence) -> Iterator[Sighting]:
-    by_north, by_stream = _GPS in (evidence.source("POSXY"), evidence.source("VELXY")), evidence.source("YAW") == EXTNAV
+    by_north = SourceXY.GPS in (evidence.source("POSXY"), evidence.source("VELXY"))
+    by_stream = evidence.source("YAW") == EXTNAV
     severity = Severity.NOTE if by_stream and not by_north else None
     for poses, chosen, sent, vehicle in _beside_vehicle(evidence) if evidence.viso_type == 1 else ():
         aligned = poses.track.arrival_us[chosen] >= (_yaw_taken_us(evidence) if by_stream else 0)
@@ -259,19 +259,20 @@ def switch_jumps(evidence: Evidence) -> Iterator[Sighting]:
     ]
     if not evidence.stream.poses or EXTNAV not in by_set or not others:
         return
-    kind, aligns = evidence.viso_type, any(evidence.set_up.firmware.visual_odom.axes_to_align(True, True))
+    kind, aligns = evidence.viso_type, _aligns_positions(evidence)
     if kind in ALIGNING_TYPES and not aligns:
         yield Sighting(
             f"VISO_TYPE is {kind}, a source set takes positions from external navigation, set {others[0]} from another "
             f"source, and the firmware is {evidence.set_up.firmware.name}"
         )
     elif kind in ALIGNING_TYPES:
-        flow = [n for n in others if evidence.source("POSXY", n) == 0]
-        if flow and not int(evidence.param("EK3_SRC_OPTIONS")) & _ALIGNS_BY_FLOW:
+        by_flow = (0, SourceXY.OPTFLOW)
+        flow = [n for n in others if (evidence.source("POSXY", n), evidence.source("VELXY", n)) == by_flow]
+        if flow and not _options(evidence) & _ALIGNS_BY_FLOW:
             yield Sighting(
                 f"VISO_TYPE is {kind}, source set {flow[0]} flies by optical flow, and EK3_SRC_OPTIONS is "
-                f"{evidence.param('EK3_SRC_OPTIONS'):.0f}",
-                fix="Set EK3_SRC_OPTIONS 2 (align external navigation while optical flow is in use).",
+                f"{_options(evidence)}",
+                fix=alignment_advice(evidence),
                 severity=Severity.NOTE,
             )
     elif kind == 1:
@@ -280,8 +281,7 @@ def switch_jumps(evidence: Evidence) -> Iterator[Sighting]:
             f"{others[0]} from another source",
             fix=(
                 "Start the camera where the vehicle's origin is, or shift the stream in the sender to "
-                "LOCAL_POSITION_NED before a switch; VISO_TYPE 2 and 3 align by themselves (by flow with "
-                "EK3_SRC_OPTIONS 2)."
+                f"LOCAL_POSITION_NED before a switch. {alignment_advice(evidence)}"
             ),
             severity=Severity.NOTE,
         )
@@ -289,3 +289,49 @@ def switch_jumps(evidence: Evidence) -> Iterator[Sighting]:
 
 def _gives_motion(evidence: Evidence, number: int) -> bool:
     return any(evidence.source(name, number) not in (0, EXTNAV) for name in ("POSXY", "VELXY"))
+
+
+def _options(evidence: Evidence) -> int:
+    return int(evidence.param("EK3_SRC_OPTIONS"))
+
+
+def _aligns_positions(evidence: Evidence) -> bool:
+    """Return whether types 2 and 3 move the camera's position along with the vehicle's on this release."""
+    return any(evidence.set_up.firmware.visual_odom.axes_to_align(True, True))
+
+
+def alignment_advice(evidence: Evidence) -> str:
+    """Return how a switch to external navigation becomes smooth by the autopilot itself, if the release can do that."""
+    if not _aligns_positions(evidence):
+        return "This release aligns the camera's position in no VISO_TYPE (4.6 does in 2 and 3)."
+    options, kind = _options(evidence), evidence.viso_type
+    none = "" if kind in ALIGNING_TYPES else " Type 1 aligns nothing."
+    aligning = f"VISO_TYPE 2 and 3 move the camera's position along while a GPS or beacons give the position.{none}"
+    if options & _ALIGNS_BY_FLOW:
+        return f"{aligning} While optical flow does, EK3_SRC_OPTIONS {options} makes them do so, too."
+    fix = f"{aligning} For optical flow set EK3_SRC_OPTIONS {options | _ALIGNS_BY_FLOW} (with bit 1)."
+    if evidence.set_up.firmware.ekf.aligns_source_in_use:
+        fix += " On this release that moves a set of POSXY 6 and VELXY 5 along while it is in use: take VELXY 6 there."
+    return fix
+
+
+@check(
+    code="XN7-20",
+    severity=Severity.WARNING,
+    title="External navigation is moved along while it is in use",
+    firmware=(
+        "Up to 4.6, bit 1 of EK3_SRC_OPTIONS moves the camera's position to the vehicle's whenever VELXY of the active "
+        "set is optical flow, also if its POSXY is 6. Then the position holds to nothing, and drifts as flow does."
+    ),
+    source="AP_NavEKF/AP_NavEKF_Source.cpp, AP_NavEKF_Source::align_inactive_sources",
+    fix="Set VELXY of this set to 6, or take bit 1 off EK3_SRC_OPTIONS; later releases leave a source in use alone.",
+)
+def moved_in_use(evidence: Evidence) -> Iterator[Sighting]:
+    both = (EXTNAV, SourceXY.OPTFLOW)
+    found = [n for n in SOURCE_SETS if (evidence.source("POSXY", n), evidence.source("VELXY", n)) == both]
+    moves = evidence.set_up.firmware.ekf.aligns_source_in_use and evidence.viso_type in ALIGNING_TYPES
+    if found and moves and evidence.stream.poses and _options(evidence) & _ALIGNS_BY_FLOW:
+        yield Sighting(
+            f"VISO_TYPE is {evidence.viso_type}, EK3_SRC_OPTIONS {_options(evidence)}, EK3_SRC{found[0]}_POSXY 6 "
+            f"(ExtNav) and EK3_SRC{found[0]}_VELXY 5 (optical flow)"
+        )

@@ -12,6 +12,7 @@ import numpy as np
 from ekf_stub.ahrs.sources import EXTNAV, ROWS, SourceXY
 from mav_handlers.wire.messages import SET_GPS_GLOBAL_ORIGIN, VISION_POSITION_DELTA
 from viso.doctor.checks import limits
+from viso.doctor.checks.alignment import alignment_advice
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often, share
 from viso.doctor.evidence.estimate import Move, texts_of
@@ -248,16 +249,9 @@ def _sources_text(position: int, velocity: int) -> str:
 
 
 def _switch_fix(evidence: Evidence) -> str:
-    if any(evidence.set_up.firmware.visual_odom.axes_to_align(True, True)):
-        aligning = (
-            " VISO_TYPE 2 and 3 move the camera's position along while another source is in use "
-            "(flow: with EK3_SRC_OPTIONS 2). Type 1 aligns nothing."
-        )
-    else:
-        aligning = " This release aligns the camera's position in no VISO_TYPE (4.6 does in 2 and 3)."
     return (
         "Let both sources count from one place: start the camera where the vehicle's origin is, or shift the stream in "
-        f"the sender to LOCAL_POSITION_NED before the switch.{aligning}"
+        f"the sender to LOCAL_POSITION_NED before the switch. {alignment_advice(evidence)}"
     )
 
 

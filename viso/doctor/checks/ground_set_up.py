@@ -106,7 +106,7 @@ def is_never_armed(evidence: Evidence) -> bool:
 
 
 def is_in_flight(evidence: Evidence, time_us: Ints) -> Bools:
-    """Return at which times the vehicle was armed and off the ground; always, if nothing tells whether it armed."""
+    """Return at which times the vehicle was armed and off the ground; always, if it is not known whether it armed."""
     own = evidence.vehicle.own_filter
     armed = np.ones(len(time_us), np.bool_)
     if own is not None and own.armed is not None:

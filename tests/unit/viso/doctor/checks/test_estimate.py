@@ -19,6 +19,7 @@ from tests.unit.viso.doctor.own_filters import EXTNAV, GPS, logged
 from tests.unit.viso.report.log_maker import LogMaker
 from viso.doctor import Evidence, Finding, Severity, diagnose, gather
 from viso.doctor.checks import CHECKS
+from viso.doctor.checks.alignment import alignment_advice
 from viso.doctor.checks.causes import probable_cause
 from viso.doctor.evidence.estimate import NO_FIXES, Fixes, Origin, moves_in, moves_of, odometry_in
 from viso.doctor.evidence.own_log import own_filter_in
@@ -244,6 +245,35 @@ def test_switch_of_sources_that_will_jump(params: dict[str, float], severity: Se
     found = findings_of(evidence).get("XN8-07")
     assert (None if found is None else found.severity) is severity
     assert found is None or words in found.evidence
+
+
+@pytest.mark.parametrize(("release", "options", "words"), [
+    ("4.6", 1, "EK3_SRC_OPTIONS 3"),
+    ("2025-07", 0, "EK3_SRC_OPTIONS 2"),
+    ("4.7", 0, "in no VISO_TYPE"),
+])  # fmt: skip
+def test_remedy_of_a_jump_from_flow_is_that_of_the_release(release: str, options: int, words: str) -> None:
+    params = {"VISO_TYPE": 3, "EK3_SRC2_POSXY": 0, "EK3_SRC2_VELXY": 5, "EK3_SRC_OPTIONS": options}
+    messages = stream_of([pose(40_000 * number) for number in range(200)])
+    evidence = evidence_of(messages, params, judged_by=JudgedBy(PROFILES[release], ""))
+    advice = alignment_advice(evidence)
+    assert words in advice
+    assert ("take VELXY 6" in advice) == (release == "4.6")
+    assert (findings_of(evidence)["XN8-07"].fix == advice) == (release != "4.7")
+
+
+@pytest.mark.parametrize(("release", "params", "is_found"), [
+    ("4.6", {}, True),
+    ("2025-07", {}, False),
+    ("4.6", {"VISO_TYPE": 1}, False),
+    ("4.6", {"EK3_SRC_OPTIONS": 1}, False),
+    ("4.6", {"EK3_SRC1_VELXY": 6}, False),
+])  # fmt: skip
+def test_source_in_use_is_moved_along_up_to_4_6(release: str, params: dict[str, float], is_found: bool) -> None:
+    params = {"VISO_TYPE": 2, "EK3_SRC1_VELXY": 5, "EK3_SRC_OPTIONS": 2, **params}
+    messages = stream_of([pose(40_000 * number) for number in range(200)])
+    found = findings_of(evidence_of(messages, params, judged_by=JudgedBy(PROFILES[release], "")))
+    assert ("XN7-20" in found) == is_found
 
 
 # Deltas
