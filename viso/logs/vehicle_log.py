@@ -5,6 +5,7 @@
 Source: AP_Logger/LogFile.cpp, AP_Logger/LoggerMessageWriter.cpp, ArduCopter/Log.cpp.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Final
 
@@ -27,6 +28,7 @@ _BOARD_TYPE_SITL: Final = 3
 _NO_BOARD_SUBTYPE: Final = 65535
 _EKF3: Final = 3
 _BUILT_FOR_COPTER: Final = 2
+_FULL_TURN_CD: Final = 36_000
 
 
 class VehicleLog:
@@ -57,6 +59,17 @@ class VehicleLog:
             heading = yaw if yaw >= 0 else yaw + f32(360)
             angles = (roll, roll, pitch, pitch, heading, heading)
             self._logger.write(ATT, (self._clock.micros64(), *angles, _EKF3))
+
+    def simulated(self, place: Location, rpy_rad: Sequence[float], quat_wxyz: Sequence[float]) -> None:
+        """Write SIM, where a simulated vehicle really is: roll, pitch and yaw, and its attitude, body (FRD) to NED.
+
+        Source: SITL/SITL.cpp, SIM::Log_Write_SIMSTATE, which cuts off what is below 0.01 deg.
+        """
+        roll, pitch, yaw = (100 * math.degrees(angle) for angle in rpy_rad)
+        angles = int(roll), int(pitch), int(yaw % _FULL_TURN_CD)
+        labels = "TimeUS,Roll,Pitch,Yaw,Alt,Lat,Lng,Q1,Q2,Q3,Q4"
+        values = (self._clock.micros64(), *angles, 0.01 * place.alt_cm, place.lat, place.lng, *quat_wxyz)
+        self._logger.write_named("SIM", labels, "sddhmDU----", "FBBB0GG0000", "QccCfLLffff", values)
 
     def statistics(self, channels: Iterable[Channel]) -> None:
         """Write DSF, and MAV for each active link."""

@@ -19,6 +19,7 @@ from ap_core.clock import NEVER, VirtualClock, count_before
 from ap_core.internal_error import InternalErrors
 from ap_core.location import Location
 from ap_core.param import FromParams, ParamTable
+from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.estimator import announces_dcm, value_after_boot
@@ -50,7 +51,7 @@ from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
 from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, MavlinkRanges
 from viso.vehicle.rtc import Rtc, RtcSource
 from viso.vehicle.sensors.flight import Event, Happening
-from viso.vehicle.sensors.source import ImuOptions, VehicleSource
+from viso.vehicle.sensors.source import HOME, ImuOptions, VehicleSource
 from viso.vehicle.tasks import Task, always_idle, next_due_us
 from viso.vehicle.vicon import Vicon
 
@@ -156,6 +157,7 @@ class Vehicle:
         self.origin = Origin(self)
         self.copter = Copter(self)
         self._last_location: Location | None = None
+        self._truth_from: Location | None = None
         self._internal_errors_told = 0
         self._kept_generation = 0
         self.reboot_requested = False
@@ -310,6 +312,16 @@ class Vehicle:
         if self.logger.takes(XKF1):
             self.log.attitude(self.ahrs.get_quaternion(), self.ahrs.get_yaw_rad())
             self.ahrs.log_estimates()
+            self._log_truth()
+
+    def _log_truth(self) -> None:
+        """Write where a simulated vehicle really is; an origin that comes later does not move it."""
+        if (airframe := self.source.airframe) is not None:
+            if self._truth_from is None:
+                self._truth_from = self.ahrs.origin() or HOME
+            truth = airframe.truth()
+            place = self._truth_from.offset(Vector3f(*truth.pos_ned))
+            self.log.simulated(place, airframe.state.rpy, truth.quat_wxyz)
 
     def _each_second(self) -> None:
         self.copter.arming.update()

@@ -3,17 +3,24 @@
 """What a log says of texts and versions, in the layout of each release."""
 
 import lzma
+import math
 from typing import Any, Final
 
 import pytest
 
+from ap_core.dataflash_columns import LogColumns
+from ap_core.location import Location
 from ap_core.log_structure import MSG
 from tests.places import PARITY, RECORDED
 from tests.unit.viso.log_records import records
 from viso.firmware.log_releases import MSG_NUMBERED, number_and_piece
 from viso.firmware.releases import APRIL_2026, FEBRUARY_2026, JULY_2025, PROFILES, STABLE_4_6, Firmware
+from viso.logs.filter_records import rows_of
 from viso.logs.logger import STRUCTURES, MemoryLog
 from viso.running.virtual_time import Scheduler
+from viso.vehicle.config import by_ekf3
+from viso.vehicle.sensors.moving import FlyingSource
+from viso.vehicle.sensors.source import HOME, ImuOptions
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 LOGS: Final = {
@@ -51,6 +58,12 @@ def layouts(data: bytes) -> dict[str, tuple[int, str, str]]:
             break
         found[values[2]] = values[0], *values[3:]
     return found
+
+
+def one_layout(data: bytes, name: str) -> tuple[str, str] | None:
+    """Return format and labels of a kind of record, None if a log has none."""
+    found = (values[3:] for kind, values, _ in records(data) if kind == "FMT" and values[2] == name)
+    return next(found, None)
 
 
 @recorded_firmware
@@ -116,3 +129,24 @@ def test_4_6_has_ranges_in_centimetres() -> None:
     own = {one.name: one for one in map(STABLE_4_6.log.own, STRUCTURES)}
     assert [own[name].format for name in ("RFND", "RRNH", "RRNI")] == ["QBCBBb", "hhB", "fffHBBB"]
     assert {name for name, one in own.items() if one not in STRUCTURES} == {"RFND", "RRNH", "RRNI", "RFRN"}
+
+
+def test_truth_of_a_vehicle_that_flies_is_logged_as_a_simulator_does() -> None:
+    log = MemoryLog()
+    params = {"LOG_DISARMED": 1.0}
+    make_ahrs = by_ekf3(FlyingSource, ImuOptions(heading_rad=math.radians(-30.005)))
+    vehicle = Vehicle(VehicleConfig(make_ahrs=make_ahrs, open_log=lambda: log, overrides=params))
+    scheduler = Scheduler(vehicle)
+    scheduler.run_until(6_000_000)
+    vehicle.ahrs.set_origin(Location(520_000_000, 40_000_000, 0))
+    scheduler.run_until(9_000_000)
+    labels = "TimeUS", "Roll", "Pitch", "Yaw", "Alt", "Lat", "Lng"
+    last = list(rows_of(LogColumns(bytes(log.data)), "SIM", *labels[1:]))[-3:]
+    assert [row[0] for row in last] == [8_800_000, 8_900_000, 9_000_000]
+    place = 1e-7 * HOME.lat, 1e-7 * HOME.lng
+    assert last[-1][1:] == pytest.approx((0.0, 0.0, 329.99, 584.09, *place), abs=1e-9, rel=1e-7)
+    assert one_layout(bytes(log.data), "SIM") == ("QccCfLLffff", "TimeUS,Roll,Pitch,Yaw,Alt,Lat,Lng,Q1,Q2,Q3,Q4")
+
+
+def test_truth_of_a_vehicle_that_stands_is_not_logged() -> None:
+    assert one_layout(written(STABLE_4_6), "SIM") is None
