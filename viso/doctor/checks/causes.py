@@ -10,10 +10,10 @@ from viso.doctor.checks.check import Finding, Severity
 
 CONTENT: Final = ("XN2", "XN3", "XN5", "XN6", "XN7-3", "XN8")
 """The beginnings of the codes about what a stream says, which explain that a filter rejects it."""
-_LOST: Final = tuple(f"XN9-{number:02d}" for number in (2, 3, 4, 10, 13, 15, 16))
-"""The filter rejects or loses the stream."""
-_OLD: Final = ("XN9-07", "XN9-31", *_LOST)
-"""So do samples that are old or missing; then the barometer gives the height, and the next good sample jumps."""
+_LOST: Final = tuple(f"XN9-{number:02d}" for number in (2, 3, 4, 10, 13, 15, 16, 31))
+"""The filter rejects or loses the stream, and jumps when it takes it up again."""
+_OLD: Final = ("XN9-07", *_LOST)
+"""So it does with samples that are old or missing; meanwhile the barometer gives the height."""
 _CAUSES: Final[Mapping[str, tuple[str, ...]]] = {
     "XN3-12": ("XN3", "XN5-12", "XN6-01", *_OLD),
     "XN3-13": ("XN3", "XN8", *_OLD),
@@ -34,12 +34,12 @@ _CAUSES: Final[Mapping[str, tuple[str, ...]]] = {
     "XN2-02": ("XN2", "XN8", *_LOST),
     "XN2-09": ("XN2", "XN8", *_LOST),
     "XN2-08": ("XN2", "XN8", *_LOST),
-    "XN7-31": ("XN8-13", "XN9-31", *_LOST),
+    "XN7-31": ("XN8-13", *_LOST),
     "XN7-08": ("XN8", *_LOST),
     "XN7-04": _LOST,
     "XN4-05": ("XN4", "XN9-12", *_OLD),
     "XN3-11": _OLD,
-    "XN6-01": ("XN9-31", *_LOST),
+    "XN6-01": _LOST,
     "XN7-19": ("XN9-11", *_LOST),
     "XN9-32": _LOST,
     "XN8-07": ("XN9-31",),
