@@ -190,28 +190,61 @@ class _Parser(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no types
     def decode(self, msgbuf: bytearray) -> Received | BadData:
         """Return a frame's content, or the reason why it is refused."""
         frame = bytes(msgbuf)
-        is_signed = False
-        if frame[0] == MARKER_V1:
-            version, start = 1, _V1_HEADER_BYTES
-            length, sequence, system_id, component_id, msg_id = frame[1:_V1_HEADER_BYTES]
-        else:
-            version, start, is_signed = 2, _V2_HEADER_BYTES, bool(frame[2] & _SIGNED)
-            length, sequence, system_id, component_id = frame[1], frame[4], frame[5], frame[6]
-            msg_id = int.from_bytes(frame[7:_V2_HEADER_BYTES], "little")
-        known, end = _DEFINITIONS.get(msg_id), start + length
+        header = _header_of(frame)
+        known = _DEFINITIONS.get(header.message_id)
         if known is None:  # without a definition the checksum cannot be checked
-            name = f"UNKNOWN_{msg_id}"
-            return Received(Header(name, msg_id, system_id, component_id, sequence, version, frame), None)
-        checksum = dialect.x25crc(frame[1:end] + bytes((known.crc_extra,))).crc
-        if checksum != int.from_bytes(frame[end : end + _CRC_BYTES], "little"):
+            return Received(header, None)
+        if not _is_sound(frame, known):
             return BadData(Defect.CRC, len(frame))
         if self.link_signing is not None:
-            refusal = self.link_signing.refusal(frame, msg_id, (system_id, component_id), is_signed=is_signed)
+            sender, is_signed = (
+                (header.system_id, header.component_id),
+                header.version == 2 and bool(frame[2] & _SIGNED),
+            )
+            refusal = self.link_signing.refusal(frame, header.message_id, sender, is_signed=is_signed)
             if refusal is not None:
                 return BadData(refusal, len(frame))
         layout = _LAYOUTS.get(known.msgname)
-        message = None if layout is None else layout.message(frame[start:end])
-        return Received(Header(known.msgname, msg_id, system_id, component_id, sequence, version, frame), message)
+        return Received(header, None if layout is None else layout.message(frame[_payload_of(frame)]))
+
+
+def _header_of(frame: bytes) -> Header:
+    if frame[0] == MARKER_V1:
+        version = 1
+        _, sequence, system_id, component_id, msg_id = frame[1:_V1_HEADER_BYTES]
+    else:
+        version, sequence, system_id, component_id = 2, frame[4], frame[5], frame[6]
+        msg_id = int.from_bytes(frame[7:_V2_HEADER_BYTES], "little")
+    known = _DEFINITIONS.get(msg_id)
+    name = f"UNKNOWN_{msg_id}" if known is None else known.msgname
+    return Header(name, msg_id, system_id, component_id, sequence, version, frame)
+
+
+def _payload_of(frame: bytes) -> slice:
+    start = _V1_HEADER_BYTES if frame[0] == MARKER_V1 else _V2_HEADER_BYTES
+    return slice(start, start + frame[1])
+
+
+def _is_sound(frame: bytes, known: Any) -> bool:
+    """Return whether a frame's checksum is that of its content and its definition."""
+    end = _payload_of(frame).stop
+    checksum: int = dialect.x25crc(frame[1:end] + bytes((known.crc_extra,))).crc
+    return checksum == int.from_bytes(frame[end : end + _CRC_BYTES], "little")
+
+
+def sound_header(frame: bytes) -> Header | None:
+    """Return the header of bytes that are one whole frame of the dialect with the right checksum; None for others.
+
+    Signatures are not checked.
+    """
+    if len(frame) < _V2_HEADER_BYTES or frame[0] not in (MARKER_V1, MARKER_V2):
+        return None
+    flags = 0 if frame[0] == MARKER_V1 else frame[2]
+    if flags & ~_SIGNED or len(frame) != _payload_of(frame).stop + _CRC_BYTES + SIGNATURE_BLOCK_BYTES * flags:
+        return None
+    header = _header_of(frame)
+    known = _DEFINITIONS.get(header.message_id)
+    return header if known is not None and _is_sound(frame, known) else None
 
 
 class _Outgoing(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink has no types

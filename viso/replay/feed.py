@@ -157,8 +157,11 @@ class Replay:
         self._arrival_us = arrival_us = batch[0].arrival_us
         time_us = self._stream.begins_us if arrival_us is None else arrival_us
         self._wait_until(max(time_us, self._scheduler.now_us))
+        data = b"".join(message.frame for message in batch)
+        if not data:
+            return
         read_us = time_us - READ_BEFORE_HANDLING_US if self._stream.shared_arrival else None
-        self._scheduler.deliver(self._channel, b"".join(message.frame for message in batch), read_us=read_us)
+        self._scheduler.deliver(self._channel, data, read_us=read_us)
         if self._on_sent is not None:
             self._on_sent(self._vehicle.endpoint.bytes_to_send(self._channel))
 

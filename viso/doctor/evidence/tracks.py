@@ -60,8 +60,8 @@ class HandledMessage:
         system_id, component_id, sequence: of its header; 0 for bytes that are no frame.
         version: of MAVLink; 0 for bytes that are no frame.
         name: MAVLink's name of it; BAD_DATA for bytes that are no frame.
-        message: its contents, if its type is one of ours.
-        frame: its bytes; empty for bytes that are no frame.
+        message: its contents, if its type is one of ours; None for the autopilot's own telemetry.
+        frame: its bytes; empty for bytes that are no frame, and for the autopilot's own telemetry.
         verdict: the autopilot's.
         records: the VISO, VISP and VISV records that it caused.
         samples: those that were handed to the filter, with their outcomes.

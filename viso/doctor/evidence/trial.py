@@ -3,19 +3,24 @@
 """The trial of a stream: a vehicle in virtual time that moves as the stream says, and gets its messages."""
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import count
 from typing import Final
 
 from ap_visualodom.verdicts import CONSUMED
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.handlers import VISION_NAMES
+from mav_handlers.verdicts import OWN_MESSAGE
+from mav_handlers.wire.codec import Header, sound_header
 from viso.doctor.evidence.set_up import SetUp
 from viso.doctor.evidence.tracks import HandledMessage
 from viso.errors import InputError
 from viso.replay.feed import Replay, ReplayedMessage
-from viso.streams.stream import received_in, timed_frames
+from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1
+from viso.streams.stream import StreamMessage, received_in, timed_frames
 from viso.streams.stream_kinds import Stream
 from viso.vehicle.config import by_ekf3
 from viso.vehicle.outcomes import AidingSpan, FilterWatch, Innovations
@@ -84,19 +89,28 @@ def run_trial(
     texts: list[tuple[int, int, str]] = []
     vehicle.texts.on_text.append(lambda severity, text: texts.append((vehicle.clock.micros64(), severity, text)))
     filter_until_us = _filter_until_us(stream, filter_s)
-    replay = Replay(vehicle, stream, baud, watch, filter_until_us)
-    events: list[MessageEvent] = []
+    own = _own_telemetry(stream, vehicle.params.get_int(set_up.firmware.endpoint.params.system_id))
+    replay = Replay(vehicle, _without_bytes(stream, own), baud, watch, filter_until_us)
+    messages: list[HandledMessage] = []
+    events: deque[tuple[int, MessageEvent]] = deque()
+    numbers = count(1)
     on_event = vehicle.endpoint.on_event
 
     def take_event(event: MessageEvent) -> None:
-        events.append(event)
+        events.append((next(numbers), event))
         if on_event is not None:
             on_event(event)
 
+    def take_own(fed: int) -> None:
+        if (header := own.get(fed - 1)) is not None:
+            messages.append(_own(next(numbers), vehicle.clock.micros64(), header))
+        on_progress(fed)
+
     vehicle.endpoint.on_event = take_event
-    replayed = list(replay.run(on_progress))
+    for outcome in replay.run(take_own):
+        messages.append(_handled(*events.popleft(), outcome))
     vehicle.close()
-    pairs = enumerate(zip(events, replayed, strict=True), 1)
+    messages.sort(key=lambda message: message.number)
     assert isinstance(vehicle.source, FollowSource)
     jumps = vehicle.source.jumps
     trial = Trial(
@@ -108,7 +122,7 @@ def run_trial(
         filter_until_us=filter_until_us,
         notes=replay.notes(),
     )
-    return tuple(_handled(number, event, message) for number, (event, message) in pairs), trial
+    return tuple(messages), trial
 
 
 def without_trial(stream: Stream, set_up: SetUp) -> tuple[tuple[HandledMessage, ...], Trial]:
@@ -146,6 +160,40 @@ def _filter_until_us(stream: Stream, filter_s: float) -> int | None:
         return None
     until_us = int((stream.messages[first].arrival_us or times_us[0]) + filter_s * 1e6)
     return until_us if until_us < times_us[-1] else None
+
+
+def _own_telemetry(stream: Stream, system_id: int) -> dict[int, Header]:
+    """Return the headers of the autopilot's own messages, by place; it drops what comes from itself unread.
+
+    None are left out where messages may have waited together, and none that carry external navigation.
+    """
+    own: dict[int, Header] = {}
+    if stream.shared_arrival:
+        return own
+    for place, message in enumerate(stream.messages):
+        header = sound_header(message.frame)
+        if header is None or header.name in VISION_NAMES:
+            continue
+        if (header.system_id, header.component_id) == (system_id, MAV_COMP_ID_AUTOPILOT1):
+            own[place] = header
+    return own
+
+
+def _without_bytes(stream: Stream, places: Collection[int]) -> Stream:
+    """Return a stream in which nothing comes at some places, from 0; time passes as before."""
+    if not places:
+        return stream
+    messages = (
+        StreamMessage(message.arrival_us, b"") if place in places else message
+        for place, message in enumerate(stream.messages)
+    )
+    return replace(stream, messages=tuple(messages))
+
+
+def _own(number: int, time_us: int, header: Header) -> HandledMessage:
+    """Return a message of the autopilot itself; its contents are not kept."""
+    ids = header.system_id, header.component_id, header.sequence, header.version
+    return HandledMessage(number, time_us, *ids, header.name, None, b"", OWN_MESSAGE, (), ())
 
 
 def _handled(number: int, event: MessageEvent, message: ReplayedMessage) -> HandledMessage:

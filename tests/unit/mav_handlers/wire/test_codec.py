@@ -22,6 +22,7 @@ from mav_handlers.wire.codec import (
     full_length,
     message_id,
     message_name,
+    sound_header,
 )
 from mav_handlers.wire.messages import (
     ATT_POS_MOCAP,
@@ -306,3 +307,13 @@ class TestNames:
     @pytest.mark.parametrize(("cls", "length"), [(ODOMETRY, 233), (TIMESYNC, 16), (COMMAND_ACK, 10)])
     def test_full_length_includes_extensions(self, cls: type[Message], length: int) -> None:
         assert full_length(cls) == length
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_header_of_one_whole_sound_frame_alone(version: int) -> None:
+    frame = Codec(7, 8, version).encode(BEAT)
+    damaged = frame[:-1] + bytes((frame[-1] ^ 1,))
+    header = sound_header(frame)
+    assert header is not None
+    assert (header.name, header.system_id, header.component_id, header.version) == ("HEARTBEAT", 7, 8, version)
+    assert [sound_header(data) for data in (damaged, frame[:-1], frame + b"\0", frame * 2, b"", b"\xfe")] == [None] * 6

@@ -8,6 +8,7 @@ from functools import cache
 
 import pytest
 
+from mav_handlers.verdicts import OWN_MESSAGE
 from mav_handlers.wire.codec import Codec
 from mav_handlers.wire.messages import ATTITUDE, DISTANCE_SENSOR, HEARTBEAT, PARAM_VALUE, STATUSTEXT, Message
 from tests.unit.viso.conftest import odometry
@@ -65,6 +66,17 @@ def test_messages_carry_verdict_records_and_outcomes() -> None:
     assert [name for name, _ in late.records] == ["VISP", "VISV"]
     assert {sample.kind for sample in late.samples} == {"pose", "yaw", "velocity"}
     assert all(sample.is_settled for sample in late.samples)
+
+
+def test_own_telemetry_is_counted_and_not_kept() -> None:
+    evidence = gather(stream_of(companion() + autopilot(1), dict(SETUP)), filter_s=0.0)
+    messages, own = evidence.stream.messages, [one for one in evidence.stream.messages if one.sender == (1, 1)]
+    assert [one.number for one in messages] == list(range(1, len(companion()) + len(autopilot(1)) + 1))
+    assert [one.sequence for one in own] == list(range(len(autopilot(1))))
+    assert {(one.verdict, one.message, one.frame) for one in own} == {(OWN_MESSAGE, None, b"")}
+    assert [(one.verdict, one.records) for one in messages if one.message] == [
+        (one.verdict, one.records) for one in tried(0.0).stream.messages
+    ]
 
 
 def test_parameters_of_a_recording_leave_nothing_to_assume() -> None:
