@@ -83,7 +83,7 @@ def estimate_delay(
     Raises:
         ValueError: if shapes do not fit.
     """
-    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_quat_wxyz)
+    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_quat_wxyz).spread()
     grid_ms = np.arange(SEARCH_MS[0], SEARCH_MS[1] + _GRID_MS / 2, _GRID_MS)
     for delay_ms in (grid_ms[0], grid_ms[-1]):
         pair = pair.chosen(pair.vehicle_rad(delay_ms * 1e-3)[1])

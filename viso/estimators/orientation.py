@@ -156,7 +156,7 @@ def estimate_orientation(
     delay_ms: float = 0.0,
 ) -> ChosenAxes:
     """Find the body axes of a stream from its rotations; arguments as of ``estimate_delay``, which finds the delay."""
-    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_quat_wxyz)
+    pair = turn_pair(stream_time_us, stream_quat_wxyz, vehicle_time_us, vehicle_quat_wxyz).spread()
     delay_s = delay_ms * 1e-3
     pair = pair.chosen(pair.vehicle_rad(delay_s)[1])
     if len(pair) < _FEWEST_SAMPLES:

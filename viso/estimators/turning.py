@@ -27,6 +27,7 @@ Mask = npt.NDArray[np.bool_]
 
 SHORTEST_WINDOW_S: Final = 0.2
 _LONGEST_GAP_S: Final = 0.5
+_MOST_TURNS: Final = 10_000  # of a long stream; more are thinned out
 _US: Final = 1e-6
 
 
@@ -148,6 +149,10 @@ class TurnPair:
         step_s = float(self.start_s[-1] - self.start_s[0]) / max(len(self) - 1, 1)
         every = max(int(0.5 * self.window_s / max(step_s, 1e-9)), 1)
         return self.chosen(np.arange(len(self)) % every == 0)
+
+    def spread(self) -> "TurnPair":
+        """Return so many rotations, evenly over the stream, that one delay and one mounting are known well enough."""
+        return self.chosen(np.arange(len(self)) % (len(self) // _MOST_TURNS + 1) == 0)
 
     def chosen(self, mask: Mask) -> "TurnPair":
         """Return some of the rotations."""

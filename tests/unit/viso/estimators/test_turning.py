@@ -89,3 +89,12 @@ def test_thinned_rotations_overlap_by_half() -> None:
     pair = turn_pair(*vehicle.seen(rng, hz=90), vehicle.time_us, vehicle.quat_wxyz)
     sparse = pair.thinned()
     assert 0.4 < np.median(np.diff(sparse.start_s)) / pair.window_s <= 0.55
+
+
+def test_rotations_of_a_long_stream_are_thinned_out_evenly() -> None:
+    times = np.arange(25_000) * 2e4
+    pair = turn_pair(times, [IDENTITY] * len(times), times, [IDENTITY] * len(times))
+    spread = pair.spread()
+    assert 0.3 * len(pair) < len(spread) <= 10_000
+    assert np.unique(np.round(np.diff(spread.start_s), 6)).tolist() == [0.06]
+    assert len(spread.spread()) == len(spread)
