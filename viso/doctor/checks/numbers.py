@@ -136,8 +136,9 @@ def _is_read(evidence: Evidence, poses: Poses) -> bool:
 def _errors(evidence: Evidence, poses: Poses) -> tuple[Floats, Floats]:
     """Return posErr (m) and angErr (rad) as the endpoint computes them, before they are limited."""
     formula = evidence.set_up.firmware.endpoint.error_formula
-    errors = [pose_errors(row, formula) for row in poses.covariance.tolist()]
-    pos, ang = np.array(errors, np.float64).reshape(-1, 2).T
+    rows, places = np.unique(poses.covariance.view(f"V{poses.covariance.strides[0]}").ravel(), return_inverse=True)
+    errors = [pose_errors(row, formula) for row in rows.view(np.float64).reshape(-1, 21).tolist()]
+    pos, ang = np.array(errors, np.float64).reshape(-1, 2)[places].T
     return pos, ang
 
 

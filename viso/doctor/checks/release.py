@@ -3,7 +3,8 @@
 """XN5: how a release of the firmware uses covariances."""
 
 import math
-from collections.abc import Iterator, Sequence
+from array import array
+from collections.abc import Iterator
 from typing import Final
 
 from ap_visualodom.ap_visualodom_backend import ANG_ERR_MAX_RAD, POS_ERR_MAX_M
@@ -28,14 +29,14 @@ class _ErrorsByRelease:
 
     def __init__(self, evidence: Evidence) -> None:
         self._floors = evidence.param("VISO_POS_M_NSE"), evidence.param("VISO_YAW_M_NSE")
-        self._known: dict[tuple[str, bool, Sequence[float]], Errors] = {}
+        self._known: dict[tuple[str, bool, bytes], Errors] = {}
 
     def raw(self, message: object, firmware: Firmware) -> Errors | None:
         """Return both errors before they are limited; None for a message without a covariance."""
         covariance = covariance_of(message)
         if covariance is None or math.isnan(covariance[0]) or not any(covariance):
             return None
-        key = firmware.name, isinstance(message, ATT_POS_MOCAP), covariance
+        key = firmware.name, isinstance(message, ATT_POS_MOCAP), array("d", covariance).tobytes()  # NaN equals no NaN
         if key not in self._known:
             release = firmware.endpoint
             make = release.mocap_errors if key[1] else pose_errors
