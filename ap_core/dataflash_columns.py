@@ -13,11 +13,23 @@ from typing import Any, Final
 import numpy as np
 
 from ap_core.dataflash_dtype import Column, Records, shown
-from ap_core.dataflash_scan import Bytes, Chain, Formats, Layout, Lost, Offsets, lost_bytes, rows_at, scan
+from ap_core.dataflash_scan import (
+    HEADER_BYTES,
+    Bytes,
+    Chain,
+    Formats,
+    Layout,
+    Lost,
+    Offsets,
+    lost_bytes,
+    rows_at,
+    scan,
+)
 from ap_core.log_structure import FMTU, MULT, UNIT
 
 # The prefixes that DFReader puts before a unit; other factors are written out.
 _PREFIXES: Final = {0.0: "", 1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "\u00b5", 1e-9: "n"}
+_TIME: Final = np.dtype([("TimeUS", "<u8")])
 _FILE: Final = "FILE"  # holds pieces of files, which are no texts
 
 
@@ -48,6 +60,11 @@ class LogColumns:
         return self._chain.begins
 
     @property
+    def size(self) -> int:
+        """The length of the log in bytes."""
+        return len(self._data)
+
+    @property
     def sequence(self) -> Bytes:
         """The type number of each record."""
         return self._chain.types
@@ -70,6 +87,16 @@ class LogColumns:
             return np.zeros(0, np.int64)
         begins: Offsets = self._chain.begins[self._chain.types == layout.msg_type]
         return begins
+
+    def times_us(self) -> tuple[Offsets, Offsets, Bytes]:
+        """Return offset in bytes, time in us and type number of each record that begins with TimeUS, in log order."""
+        timed = np.zeros(256, np.bool_)
+        for layout in self._by_name.values():
+            timed[layout.msg_type] = layout.labels[:1] == ("TimeUS",) and layout.format[:1] == "Q"
+        has_time = timed[self._chain.types]
+        begins: Offsets = self._chain.begins[has_time]
+        times_us: Offsets = rows_at(self._data, begins + HEADER_BYTES, _TIME)["TimeUS"].astype(np.int64)
+        return begins, times_us, self._chain.types[has_time]
 
     def records(self, name: str) -> Records:
         """Return the records of a type as stored. Raises KeyError if the log has no such type."""

@@ -102,7 +102,7 @@ def _read(log: Path, chosen: Firmware | None) -> tuple[Material, Facts, Summary]
     with progress("reading", 100) as show:
         material = read_material(log, show)
     facts = facts_of(material, chosen)
-    for note in facts.judged_by.notes:
+    for note in (*material.lost, *facts.judged_by.notes):
         err.print(f"note: {log}: {note}")
     return material, facts, summarise(material, facts)
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ap_core.dataflash_columns import LogColumns
+from ap_core.dataflash_scan import Lost
 from ap_core.location import Location
 from ap_core.log_structure import FMT
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US
@@ -32,6 +33,9 @@ _EKF3_USES: Final = "EKF3 IMU0 is using "
 _RECORD_PERIOD_US: Final = 110_000  # of XKF1
 _HORIZONTAL_POSITION: Final = 1 << 3 | 1 << 4  # relative or absolute, of XKF4.SS
 _VERTICAL_POSITION: Final = 1 << 5
+OTHER_LOG: Final = "another log, such as the tail of an older one"
+_STEP_BACK_US: Final = 100_000  # threads that write at the same time are less apart
+_NEIGHBOURS: Final = 9  # records on either side of a step: a few damaged times are none
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -57,12 +61,47 @@ def _as_input_errors(path: Path) -> Iterator[None]:
 
 
 def read_columns(path: Path) -> LogColumns:
-    """Return a DataFlash log, packed or not, as columns. Raises InputError if it cannot be read."""
+    """Return a DataFlash log, packed or not, as columns.
+
+    A log ends where TimeUS steps back: another log follows there, such as the tail of an older one that the file had
+    held before. ``lost`` of the columns tells it. Raises InputError if the log cannot be read.
+    """
     with _as_input_errors(path):
-        columns = LogColumns(_read_bytes(path))
+        data = _read_bytes(path)
+        columns = LogColumns(data)
+        if other := _other_log_in(columns):
+            columns = LogColumns(memoryview(data)[: other.offset])
+            columns.lost += (other,)
     if problem := columns.ill_described.get(FMT.msg_type):
         raise InputError(f"{path}: not a DataFlash log: {problem}")
     return columns
+
+
+def _other_log_in(log: LogColumns) -> Lost | None:
+    """Return the bytes from the first lasting step back of TimeUS on; None without one.
+
+    A step must show among the records of one type, since tools may write a log sorted by types.
+    """
+    begins, times_us, types = log.times_us()
+    for step in np.flatnonzero(np.diff(times_us) < -_STEP_BACK_US) + 1:
+        before, after = slice(max(step - _NEIGHBOURS, 0), step), slice(step, step + _NEIGHBOURS)
+        is_lasting = np.median(times_us[after]) < np.median(times_us[before]) - _STEP_BACK_US
+        if is_lasting and (np.isin(types[:step], types[after]) & (times_us[:step] > times_us[step])).any():
+            offset, (from_s, to_s) = int(begins[step]), times_us[step - 1 : step + 1] * 1e-6
+            return Lost(offset, log.size - offset, f"{OTHER_LOG}: TimeUS steps back from {from_s:.1f} to {to_s:.1f} s")
+    return None
+
+
+def notes_of_lost(log: LogColumns) -> Iterator[str]:
+    """Yield what a log lost: bytes that are in no record, and another log at its end."""
+    others = [one for one in log.lost if one.reason.startswith(OTHER_LOG)]
+    damaged = [one for one in log.lost if one not in others]
+    if damaged:
+        reasons = ", ".join(sorted({lost.reason for lost in damaged}))
+        size = sum(lost.size for lost in damaged)
+        yield f"damaged: {size} bytes in {len(damaged)} places are in no record ({reasons})"
+    for one in others:
+        yield f"the last {one.size} bytes are {one.reason}; they are left out"
 
 
 class LogRecord(SimpleNamespace):

@@ -12,7 +12,7 @@ from viso.doctor.checks import all_checks
 from viso.doctor.checks.check import Finding, diagnose
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.gathering import gather
-from viso.doctor.evidence.own_filter import OwnFilter, Witness
+from viso.doctor.evidence.own_filter import POSITION, OwnFilter, Witness
 from viso.estimators.series import Array, Mask, Series, spans_of
 from viso.firmware.flown import JudgedBy, profile_for
 from viso.firmware.releases import Firmware
@@ -146,7 +146,7 @@ def facts_of(material: Material, given: Firmware | None = None) -> Facts:
         arrivals_s=arrivals_s,
         gaps=tuple(gaps),
         lag_ms=lag_ms(material.stamped),
-        resets=tuple(sorted(_resets(material), key=lambda reset: reset.time_s)),
+        resets=tuple(sorted(_resets(material, own), key=lambda reset: reset.time_s)),
         armed=own.armed or (),
         positioned=tuple(spans_of(status_s, own.positioned)),
         moving=tuple(spans_of(status_s, own.moving)),
@@ -210,12 +210,21 @@ def _counter_changes(series: Series) -> tuple[Array, Array, Array]:
     return series.time_s[at], counter[at - 1], counter[at]
 
 
-def _resets(material: Material) -> Sequence[Reset]:
+def _concerns_extnav(own: OwnFilter, time_s: float) -> bool:
+    """Return whether the EKF used external navigation just before or after a time, or might have."""
+    at = int(np.searchsorted(own.time_us, round(time_s * 1e6)))
+    near = slice(max(at - 1, 0), at + 2)
+    return bool(own.uses_extnav[near].any() or not own.is_source_known(POSITION)[near].all())
+
+
+def _resets(material: Material, own: OwnFilter) -> Sequence[Reset]:
     found = [
         Reset(float(time_s), f"reset counter {before:.0f} to {after:.0f}", "vision")
         for time_s, before, after in zip(*_counter_changes(material.stamped), strict=True)
     ]
     for time_s, (north_m, east_m) in zip(*position_moves(material.xkf4), strict=True):
+        if not _concerns_extnav(own, float(time_s)):
+            continue
         found.append(Reset(float(time_s), f"position moved by {north_m:+.2f} m north, {east_m:+.2f} m east", "EKF"))
     events = {EV_YAW_RESET: "yaw", EV_ALT_RESET: "height"}
     found += [

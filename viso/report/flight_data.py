@@ -19,7 +19,7 @@ from viso.estimators.series import Array, Series, number_in, series_of
 from viso.firmware.flown import FlownVersion, version_in
 from viso.logs.event_names import ERR_EKF_PRIMARY, FlightModes, error_text, event_text
 from viso.logs.filter_records import filter_records_in, parameters_in, table_with
-from viso.logs.recorded import read_columns, records_in
+from viso.logs.recorded import notes_of_lost, read_columns, records_in
 from viso.streams.flight_log import read_flight_log
 from viso.streams.stream import Stream
 
@@ -86,6 +86,7 @@ class Material:
         happenings: texts, events, errors, modes and arming, in order.
         parameters: in the order of the log.
         left_out: how many records had a time that cannot be.
+        lost: what the log lost, a line each.
         stream: the messages of external navigation behind the records; empty without any, or if they make no sense.
         vehicle: what the log says about the vehicle and its filter, as the doctor takes it.
     """
@@ -103,6 +104,7 @@ class Material:
     happenings: tuple[Happening, ...]
     parameters: tuple[LoggedParameter, ...]
     left_out: int
+    lost: tuple[str, ...]
     stream: Stream
     vehicle: VehicleData
 
@@ -217,6 +219,7 @@ def _material(path: Path, log: LogColumns, items: Sequence[Happening | LoggedPar
         happenings=tuple(sorted((item for item in items if isinstance(item, Happening)), key=lambda item: item.time_s)),
         parameters=tuple(item for item in items if isinstance(item, LoggedParameter)),
         left_out=left_out + of_filter.left_out,
+        lost=tuple(notes_of_lost(log)),
         stream=_stream(path, log),
         vehicle=vehicle_in(path, log),
     )

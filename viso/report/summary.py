@@ -241,6 +241,8 @@ def _absences(material: Material, facts: Facts) -> Iterator[str]:
             f"For {material.unseen_primary_s:.1f} s the autopilot flew with a core whose records the log does not "
             f"have; core {core} is shown."
         )
+    for note in material.lost:
+        yield f"{note[:1].upper()}{note[1:]}."
     if material.left_out:
         yield f"{material.left_out} records have a time that cannot be, and were left out: the log is damaged."
     if facts.parameters.without_default:

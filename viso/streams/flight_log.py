@@ -15,7 +15,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from ap_core.dataflash_scan import Lost
 from mav_handlers.wire.codec import Codec, full_length
 from mav_handlers.wire.messages import (
     ODOMETRY,
@@ -27,7 +26,7 @@ from mav_handlers.wire.messages import (
 from viso.companion.sender import MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 from viso.errors import InputError
 from viso.firmware.flown import FlownVersion, profile_for, version_in
-from viso.logs.recorded import RecordError, numbers, read_columns, records_in, text, whole
+from viso.logs.recorded import RecordError, notes_of_lost, numbers, read_columns, records_in, text, whole
 from viso.streams.capture import MAX_PARAMETER
 from viso.streams.rebuilding import DeltaRecord, PoseRecord, Rebuilder, Record, Three, VelocityRecord
 from viso.streams.stream import MAX_GAP_US, Aspect, Stream, StreamMessage
@@ -79,7 +78,7 @@ _Event = Record | _ParamChange | _Aligned
 class _LogContent:
     """What a log holds that matters here, in its order: takes the records of a log one after the other."""
 
-    def __init__(self, lost: tuple[Lost, ...]) -> None:
+    def __init__(self, lost: tuple[str, ...]) -> None:
         self.params: dict[str, float] = {}
         self.events: list[_Event] = []
         self.flown: FlownVersion | None = None
@@ -198,7 +197,7 @@ def _quality(record: Any) -> int:
 
 def _read(path: Path, *, may_be_empty: bool) -> _LogContent:
     columns = read_columns(path)
-    content = _LogContent(columns.lost)
+    content = _LogContent(tuple(notes_of_lost(columns)))
     for record in records_in(columns, content.kinds):
         try:
             content.take(record)
@@ -331,10 +330,7 @@ def _waiting_lengths(sent: Counter[str]) -> list[int]:
 def _notes(content: _LogContent, sent: Counter[str], baud: int | None, *, apart: bool) -> Iterator[str]:
     """Yield what the log cannot tell, and what was taken for true instead."""
     counts = ", ".join(f"{count} {name}" for name, count in sorted(sent.items()))
-    if content.lost:
-        reasons = ", ".join(sorted({lost.reason for lost in content.lost}))
-        size = sum(lost.size for lost in content.lost)
-        yield f"damaged: {size} bytes in {len(content.lost)} places are in no record ({reasons})"
+    yield from content.lost
     if not content.has_vision:
         return
     yield f"rebuilt from records: {counts}; what left no record (dropped messages, commands, the origin) is not there"

@@ -235,9 +235,13 @@ def clock_rate(evidence: Evidence) -> Iterator[Sighting]:
         cause, fix = _cause_and_fix(clock, is_simulated=evidence.vehicle.is_simulated)
         advance_s = float(track.stamp_us[-1]) * 1e-6
         is_gross = clock.worst >= limits.CLOCK_FAR_OFF or clock.departure is Departure.ALTERNATING
+        ratio = advance_s / track.span_s
+        much = f", {ratio:.3f} times as much"
+        if ratio >= limits.CLOCK_TIMES_TOO_FAST:
+            much = f": the sender's clock runs {ratio:.0f} times too fast"
         yield Sighting.in_track(
-            f"{track.sender}: in {track.span_s:.1f} s of the autopilot's clock stamps advance by {advance_s:.1f} s, "
-            f"{advance_s / track.span_s:.3f} times as much{cause}",
+            f"{track.sender}: in {track.span_s:.1f} s of the autopilot's clock stamps advance by {advance_s:.1f} s"
+            f"{much}{cause}",
             track,
             fix=fix,
             severity=None if is_gross else Severity.WARNING,

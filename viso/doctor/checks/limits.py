@@ -92,6 +92,8 @@ LEAST_DRIFT_PPM: Final = 2000.0
 """Samples are off by 5 ms in 100 samples at 40 Hz then, the corrector's window; a quartz has 100 ppm."""
 CLOCK_FAR_OFF: Final = 0.04
 """Of the rate: samples are off by 100 ms in 100 samples at 40 Hz then, the corrector's window."""
+CLOCK_TIMES_TOO_FAST: Final = 2.0
+"""From here on a clock is said to run so many times too fast."""
 UNIT_WITHIN: Final = (0.8, 1.25)
 """Times the expected rate of stamps; units are a factor of 1000 apart."""
 LATE_MARGIN_MS: Final = 10.0

@@ -18,7 +18,8 @@ _UNIT_WITHIN: Final = (0.8, 1.25)  # times us: stamps in us, whatever the latene
 _RATE_APART_US: Final = 500_000  # between the messages of a pair whose stamps are compared, at least
 _RATE_LEAST_US: Final = 200_000  # of the median distance of such pairs, or they show no rate
 _CLOCK_FEWEST: Final = 20  # messages of a track whose clock can be compared
-_CLOCK_SHORTEST_S: Final = 2.0  # of such a track
+_CLOCK_SHORTEST_S: Final = 2.0  # of such a track, unless its stamps gain more than that
+_GAIN_SHORTEST_S: Final = 0.5  # of any
 _WINDOW_S: Final = 2.0
 _WINDOWS: Final = (6, 60)  # the fewest and the most
 _NEAR_S: Final = 0.25  # the quickest message so near to the edge of a window bounds it
@@ -148,7 +149,10 @@ def sender_clock(track: Track) -> SenderClock | None:
 
     A few steps are no departure, nor is a drift of less than 1 %.
     """
-    if len(track) < _CLOCK_FEWEST or track.span_s < _CLOCK_SHORTEST_S:
+    if len(track) < _CLOCK_FEWEST or track.span_s < _GAIN_SHORTEST_S:
+        return None
+    # No lateness of messages is as long.
+    if track.span_s < _CLOCK_SHORTEST_S and track.stamp_us[-1] * 1e-6 - track.span_s < _CLOCK_SHORTEST_S:
         return None
     arrival_s: Floats = np.asarray(track.arrival_us * 1e-6, dtype=np.float64)
     stamp_s: Floats = np.asarray(track.stamp_us * 1e-6, dtype=np.float64)

@@ -23,7 +23,7 @@ from viso.errors import InputError
 from viso.firmware.flown import JudgedBy, profile_for, version_in
 from viso.firmware.releases import Firmware
 from viso.logs.event_names import ERR_EKF_PRIMARY, EV_SOURCE_SET_1, EV_YAW_RESET
-from viso.logs.recorded import RecordError, finite, places_of, read_columns, records_in, text, whole
+from viso.logs.recorded import RecordError, finite, notes_of_lost, places_of, read_columns, records_in, text, whole
 from viso.logs.vehicle_log import ORGN_EKF
 from viso.parameters.left_out import left_out
 from viso.replay.ekf.frames import Frames
@@ -114,7 +114,7 @@ class EkfRun:
         judged_by: the release, and how it was found; None before it is known.
         frames: the number of frames that have been run.
         output: the filter's log.
-        notes: parameters of the log that have no effect here, a line each.
+        notes: what the log lost, and its parameters that have no effect here, a line each.
         our_lanes, recorded_lanes: the texts of changes of the primary core.
     """
 
@@ -190,6 +190,7 @@ class EkfRun:
             raise InputError(f"{self._path}: {_NO_REPLAY}")
 
     def _play(self, log: LogColumns, on_progress: Callable[[int, int], None]) -> None:
+        self.notes = tuple(notes_of_lost(log))
         frames = Frames(log, self._until_s * 1e6)
         player = self._player = EkfPlayer(self, frames, self._core)
         self._has_estimates = bool(log.counts.get("XKF4"))
@@ -271,8 +272,9 @@ class EkfRun:
             params = self._playing.params
             rows = ((name, value, self._defaults[name]) for name, value in params.items())
             self.output.begin(rows, self._time_us)
-            self.notes = left_out(params)
-            for note in self.notes:
+            effectless = left_out(params)
+            self.notes += effectless
+            for note in effectless:
                 self.output.write(MSG, (self._time_us, note))
 
     def passed(self) -> None:

@@ -151,6 +151,13 @@ def verdict(path: Path, status: Status = quiet, length_s: float = 12.0, **params
     return summarise(material, facts_of(material)).level.badge
 
 
+@pytest.mark.parametrize(("source", "moves"), [(6, 2), (3, 0)])
+def test_moves_of_an_ekf_on_gps_are_none_of_external_navigation(source: int, moves: int, tmp_path: Path) -> None:
+    maker = logged(during(5, 8, OFE=2.0), {**VISO, "EK3_SRC1_POSXY": source}, 12.0)
+    resets = facts_of(material_of(maker, tmp_path / "a.BIN")).resets
+    assert len([one for one in resets if one.by == "EKF"]) == moves
+
+
 VISO: Final = {**EXTNAV, "VISO_TYPE": 1, "EK3_SRC1_VELXY": 0}
 
 
