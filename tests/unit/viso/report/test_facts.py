@@ -151,7 +151,7 @@ def verdict(path: Path, status: Status = quiet, length_s: float = 12.0, **params
     return summarise(material, facts_of(material)).level.badge
 
 
-@pytest.mark.parametrize(("source", "moves"), [(6, 2), (3, 0)])
+@pytest.mark.parametrize(("source", "moves"), [(6, 1), (3, 0)])
 def test_moves_of_an_ekf_on_gps_are_none_of_external_navigation(source: int, moves: int, tmp_path: Path) -> None:
     maker = logged(during(5, 8, OFE=2.0), {**VISO, "EK3_SRC1_POSXY": source}, 12.0)
     resets = facts_of(material_of(maker, tmp_path / "a.BIN")).resets
