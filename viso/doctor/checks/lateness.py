@@ -19,6 +19,7 @@ from viso.doctor.evidence.sender_clock import sender_clock
 from viso.streams.stream_kinds import Aspect
 
 _FILTER_STEP_MS: Final = 12
+_STAMPS: Final = "docs/stamps.md says which time to stamp."
 
 
 @check(
@@ -158,7 +159,7 @@ def bursts(evidence: Evidence) -> Iterator[Sighting]:
         "The filter treats samples as younger or older than they are. In motion that pulls the estimate back or ahead."
     ),
     source="AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
-    fix="Set VISO_DELAY_MS to the measured delay.",
+    fix=f"Set VISO_DELAY_MS to the measured delay. {_STAMPS}",
     witness=Witness.LOG,
     needs={Aspect.ARRIVAL},
 )
@@ -195,7 +196,7 @@ def viso_delay(evidence: Evidence) -> Iterator[Sighting]:
     source="AP_NavEKF3_Measurements.cpp, NavEKF3_core::writeExtNavData",
     fix=(
         "Look for a queue that fills because pictures or messages come faster than they are worked off: keep the "
-        "newest alone, lower the rate of the camera, and stamp with the time of the picture."
+        f"newest alone, lower the rate of the camera, and stamp with the time of the picture. {_STAMPS}"
     ),
     witness=Witness.LOG,
     needs={Aspect.ARRIVAL},
@@ -221,6 +222,6 @@ def _advice(compared: Comparison) -> str:
         return (
             f"Set VISO_DELAY_MS to {since_arrival} if the link is USB, a network or a simulation, to {since_stamp} if "
             f"it is a wire as slow as its baud rate, for whose {compared.transport_ms:.0f} ms the autopilot allows by "
-            "itself. Then reboot."
+            f"itself. Then reboot. {_STAMPS}"
         )
-    return f"Set VISO_DELAY_MS to {since_stamp}, and reboot."
+    return f"Set VISO_DELAY_MS to {since_stamp}, and reboot. {_STAMPS}"
