@@ -4,7 +4,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -34,6 +34,7 @@ from viso.firmware.releases import Firmware
 from viso.geometry.frame_change import PRESETS as AXES
 from viso.logs.files import single_log
 from viso.logs.recorded import read_columns
+from viso.replay.agreement import own_yaw_line
 from viso.replay.ahrs import ahrs_maker
 from viso.replay.feed import ReplayedMessage
 from viso.replay.figures import Judge, Row, timed_places
@@ -129,7 +130,7 @@ def replay(
     ] = None,
     heading: HeadingOption = 0.0,
     lead: Annotated[
-        float, typer.Option(help="Seconds from boot to the first message of a telemetry log or a trajectory.")
+        float, typer.Option(help="Seconds from boot to the first message, if the file does not have it.")
     ] = 30.0,
     form: Annotated[
         str, typer.Option("--as", "--message", help=f"What a trajectory is sent as: {', '.join(FORMS)}.")
@@ -229,16 +230,17 @@ def replay(
             None if truth is None else truth.origin,
             list(doubts(changes, used, judges[0].basis)),
         )
-        _print_changes(stream, judged_by, changes, outcomes, merit if with_filter else None, as_json=as_json)
+        _print_changes(stream, judged_by, changes, outcomes, judges, merit if with_filter else None, as_json=as_json)
     elif other is not None:
-        _print_versus(stream, judged_by, other, outcomes, as_json=as_json)
+        _print_versus(stream, judged_by, other, outcomes, judges, as_json=as_json)
     elif as_json:
-        out.print_json(data={"stream": stream.name, **judged_by.as_dict(), **_as_dict(outcomes[0])})
+        out.print_json(data={"stream": stream.name, **judged_by.as_dict(), **_as_dict(outcomes[0], judges[0])})
     else:
         _print_outcome(outcomes[0])
-        if judges[0].basis is not None:
-            out.print(_agreement(judges[0].row(outcomes[0])["log_m"]))
         out.print(str(judged_by))
+    if judges[0].basis is not None and imu is not None and not as_json:
+        for line in _agreement_lines(judges, Path(imu.partition(":")[2])):
+            out.print(line)
     if with_filter and (reason := why_nothing_fused(outcomes[-1])):
         err.print(f"note: nothing of external navigation was fused: {reason}")
     if log is not None and log.is_file() and not log.stat().st_size:
@@ -249,11 +251,17 @@ def replay(
         show_recording(web, recorder.message(), err.print)
 
 
-def _agreement(log_m: object) -> str:
-    """Return how near the position came to that of the log's own filter, in a sentence."""
-    if not isinstance(log_m, float):
-        return "Agreement with the log's own filter: not known, because the two never knew a position at the same time."
-    return f"Agreement with the log's own filter: positions are {log_m:.3f} m apart (root of the mean square)."
+def _agreement_lines(judges: Sequence[Judge], log: Path) -> Iterator[str]:
+    """Yield how near positions came to those of the log's own filter, a run after the other, and its yaw."""
+    for when, judge in zip(("before: ", "after: ") if len(judges) > 1 else ("",), judges, strict=True):
+        agreement = judge.agreement()
+        if agreement is None:
+            unknown = "not known, because the two never knew a position at the same time"
+            yield f"{when}Agreement with the log's own filter: {unknown}."
+        else:
+            yield from (f"{when}{line}" for line in agreement.lines())
+    if line := own_yaw_line(log):
+        yield line
 
 
 def _recorder(name: str) -> "ReplayRecorder":
@@ -336,13 +344,16 @@ def _note(stream: Stream, judged_by: JudgedBy, outcome: ReplayOutcome, at_boot: 
         err.print(f"note: a vehicle must be rebooted for {', '.join(at_boot)}; here it boots with the new value")
 
 
-def _as_dict(outcome: ReplayOutcome) -> dict[str, object]:
+def _as_dict(outcome: ReplayOutcome, judge: Judge) -> dict[str, object]:
     texts = [text._asdict() for text in outcome.texts]
     result: dict[str, object] = {"verdicts": verdict_rows(outcome.verdicts), "texts": texts}
     if outcome.innovations is not None and outcome.aiding is not None:
         result["filter"] = filter_report.filter_rows(outcome.filter_counts)
         result["innovations"] = filter_report.innovation_rows(outcome.innovations)
         result["aiding"] = filter_report.aiding_rows(outcome.aiding)
+    if judge.basis is not None:
+        agreement = judge.agreement()
+        result["agreement"] = None if agreement is None else agreement.as_dict()
     return result
 
 
@@ -382,6 +393,7 @@ def _print_changes(
     judged_by: JudgedBy,
     changes: Mapping[str, float],
     outcomes: Sequence[ReplayOutcome],
+    judges: Sequence[Judge],
     merit: _Merit | None,
     *,
     as_json: bool,
@@ -389,7 +401,7 @@ def _print_changes(
     before, after = outcomes
     comparison = compare_replays(before, after)
     if as_json:
-        both = {"before": _as_dict(before), "after": _as_dict(after)}
+        both = {"before": _as_dict(before, judges[0]), "after": _as_dict(after, judges[1])}
         differs: dict[str, object] = {"differs": comparison.as_dict()}
         if merit is not None:
             differs |= {"figures": merit_rows(*merit.figures), "doubts": list(merit.doubts)}
@@ -406,13 +418,19 @@ def _print_changes(
 
 
 def _print_versus(
-    stream: Stream, judged_by: JudgedBy, other: Firmware, outcomes: Sequence[ReplayOutcome], *, as_json: bool
+    stream: Stream,
+    judged_by: JudgedBy,
+    other: Firmware,
+    outcomes: Sequence[ReplayOutcome],
+    judges: Sequence[Judge],
+    *,
+    as_json: bool,
 ) -> None:
     before, after = outcomes
     comparison = compare_replays(before, after)
     names = [judged_by.firmware.name, other.name]
     if as_json:
-        both = {"before": _as_dict(before), "after": _as_dict(after)}
+        both = {"before": _as_dict(before, judges[0]), "after": _as_dict(after, judges[1])}
         differs = {
             **comparison.as_dict(),
             "errors": [change._asdict() for change in comparison.errors],

@@ -20,6 +20,7 @@ from ekf_stub.reports import AidingMode
 from mav_handlers.handlers import VISION_NAMES
 from viso.geometry.errors import EvaluationError, absolute_error
 from viso.geometry.trajectory import Trajectory
+from viso.replay.agreement import Agreement, agreement_of
 from viso.replay.feed import ReplayedMessage
 from viso.replay.run import ReplayOutcome
 from viso.vehicle.outcomes import (
@@ -54,7 +55,6 @@ _GATES: Final[Mapping[str, str]] = {
 _TIME, _CORRECTED = 0, 2  # of VISP and VISV: TimeUS, CTimeMS
 _STAMPED: Final = ("VISP", "VISV")
 _WARNING: Final = 4  # MAV_SEVERITY
-_GAP_US: Final = 500_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,13 +237,22 @@ class Judge:
             row[f"rms_{kind}"] = math.sqrt(square_sum.innovation / square_sum.tested)
         return row
 
-    def _of_places(self) -> Row:
+    def _timed(self) -> tuple[Array, Array]:
         times_us = sorted(self._places)
         places = np.array([self._places[time_us] for time_us in times_us]).reshape(-1, 3)
-        row: Row = {"log_m": _distance(np.array(times_us, np.float64), places, self._track)}
+        return np.array(times_us, np.float64), places
+
+    def agreement(self) -> Agreement | None:
+        """Return how near the positions were to those of the log that is flown again; None if that is not known."""
+        return agreement_of(*self._timed(), self._track)
+
+    def _of_places(self) -> Row:
+        times_us, places = self._timed()
+        agreement = self.agreement()
+        row: Row = {"log_m": None if agreement is None else agreement.position_m}
         if self._truth is None:
             return row
-        estimate = timed_places(np.array(times_us, np.int64), places)
+        estimate = timed_places(times_us.astype(np.int64), places)
         try:
             error = absolute_error(estimate, self._truth)
         except EvaluationError:
@@ -255,16 +264,6 @@ def timed_places(time_us: npt.NDArray[np.int64], places: Array) -> Trajectory:
     """Return positions over time, without attitudes and without those not later than the previous one."""
     kept = np.diff(time_us, prepend=-1) > 0
     return Trajectory(time_us[kept] * 1000, places[kept], np.tile((1.0, 0.0, 0.0, 0.0), (kept.sum(), 1)))
-
-
-def _distance(time_us: Array, places: Array, track: Array) -> float | None:
-    """Return the root mean square distance between places at times, and a track [N, 4] where it has no gap."""
-    if len(track) < 2 or not len(places):
-        return None
-    after = np.clip(np.searchsorted(track[:, 0], time_us), 1, len(track) - 1)
-    near = (time_us >= track[0, 0]) & (time_us <= track[-1, 0]) & (track[after, 0] - track[after - 1, 0] < _GAP_US)
-    errors = places - np.column_stack([np.interp(time_us, track[:, 0], track[:, axis]) for axis in (1, 2, 3)])
-    return float(np.sqrt(np.mean(np.sum(errors[near] ** 2, axis=1)))) if near.any() else None
 
 
 def _gates(vehicle: Vehicle) -> Callable[[str], float]:

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """viso replay of a log that holds no arming, because nothing is logged before it."""
 
+import json
 from pathlib import Path
+
+import pytest
 
 from tests.places import DATA
 from tests.unit.viso.command_line import Viso
@@ -22,6 +25,22 @@ def test_its_flight_is_flown_armed_and_logged(viso: Viso, tmp_path: Path) -> Non
     shown = viso("replay", str(NEVER_ARMED), "--imu", "log", "--log", str(out))
     assert "Agreement with the log's own filter: positions are" in shown.out
     assert out.stat().st_size > 0
+
+
+@pytest.mark.parametrize("options", [(), ("--set", "VISO_DELAY_MS=20"), ("--versus", "4.7"), ("--json",)])
+def test_agreement_with_the_log_is_always_printed_and_explained(viso: Viso, options: tuple[str, ...]) -> None:
+    shown = viso("replay", str(NEVER_ARMED), "--imu", "log", *options)
+    if options == ("--json",):
+        agreement = json.loads(shown.out)["agreement"]
+        assert agreement["horizontal_m"] < 0.1 < 10 < agreement["height_m"]
+        return
+    text = " ".join(shown.out.split())
+    assert text.count("Agreement with the log's own filter: positions are") == (2 if options else 1)
+    assert "takes its first height from the pose, whatever EK3_SRC1_POSZ is, 26.5 m from the log's" in text
+    assert "Yaw innovations of the log's own filter: 97.9 deg" in text
+    if "--versus" in options:  # 4.7 takes the height from the source that is set
+        after = text[text.index("after: Agreement") :]
+        assert "0.005 m in height" in after
 
 
 def test_log_without_a_byte_is_an_error(viso: Viso, tmp_path: Path) -> None:
