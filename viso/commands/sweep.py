@@ -101,7 +101,7 @@ def sweep(
     ] = None,
     heading: HeadingOption = 0.0,
     lead: Annotated[
-        float | None, typer.Option(help="Seconds from boot to the first message of a telemetry log or a trajectory.")
+        float | None, typer.Option(help="Seconds from boot to the first message, if the file does not have it.")
     ] = None,
     until: Annotated[float | None, typer.Option(help="Seconds since boot at which to end.", metavar="S")] = None,
     message: Annotated[

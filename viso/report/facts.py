@@ -44,7 +44,7 @@ class KindFacts:
     Attributes:
         withheld_for: how many were withheld from the EKF, by each reason of ``withheld_why``.
         given: how many went to the EKF by the replay records; None if the log has no such records.
-        rate_hz: how many a second, by the middle interval; 0 for fewer than two.
+        rate_hz: how many a second, counted over time; 0 for fewer than two.
     """
 
     record: str
@@ -191,15 +191,14 @@ def withheld_why(material: Material, series: Series) -> dict[str, Mask]:
 
 
 def _kind_facts(material: Material, series: Series, record: str, content: str, replay: str) -> KindFacts:
-    steps_s = np.diff(series.time_s)
-    rising = steps_s[steps_s > 0]
+    lasts_s = float(np.ptp(series.time_s)) if len(series) else 0.0
     return KindFacts(
         record,
         content,
         records=len(series),
         withheld_for={why: int(mask.sum()) for why, mask in withheld_why(material, series).items()},
         given=material.counts.get(replay),
-        rate_hz=float(1.0 / np.median(rising)) if len(rising) else 0.0,
+        rate_hz=(len(series) - 1) / lasts_s if lasts_s > 0 else 0.0,
     )
 
 

@@ -11,8 +11,9 @@ from typing import Final
 
 from mav_handlers.handlers import VISION_NAMES
 from mav_handlers.wire.messages import MESSAGES
+from viso.streams.boot_time import begun_at, boot_time_us
 from viso.streams.heard import MAV_COMP_ID_AUTOPILOT1, is_autopilot, params_heard
-from viso.streams.stream import Stream, StreamMessage, received_in
+from viso.streams.stream import Stream, received_in
 
 LEAST_STEP_BACK_MS: Final = 2_000
 """Datagrams may overtake each other, by less."""
@@ -45,14 +46,10 @@ def _all_params(stream: Stream, end: int) -> dict[str, float]:
 
 
 def _part(stream: Stream, start: int, end: int) -> Stream:
-    part = stream.messages[start:end]
-    begins_us = next((one.arrival_us for one in part if one.arrival_us is not None), stream.begins_us)
-    by_us = begins_us - stream.begins_us
-    messages = tuple(
-        StreamMessage(None if one.arrival_us is None else one.arrival_us - by_us, one.frame) for one in part
-    )
     params = stream.params or (_all_params(stream, start) if start else {})
-    return replace(stream, messages=messages, params=params)
+    part = replace(stream, messages=stream.messages[start:end], params=params)
+    begins_us = boot_time_us(part)
+    return begun_at(part, stream.begins_us if begins_us is None else begins_us)
 
 
 def sessions_of(stream: Stream) -> tuple[Stream, ...]:

@@ -58,6 +58,7 @@ class HeadingDeparture:
         source: of the vehicle's heading, such as ATT.
         chosen: N, the indices of the messages that are compared.
         off_rad: N, the difference of the headings, less the constant difference.
+        since_begin_rad: N, the difference of the headings, less that at the begin.
         turning_rad: N, the vehicle's rate of turn in rad/s.
     """
 
@@ -65,6 +66,7 @@ class HeadingDeparture:
     source: str
     chosen: Ints
     off_rad: Floats
+    since_begin_rad: Floats
     turning_rad: Floats
 
 
@@ -145,14 +147,17 @@ def heading_departures(evidence: Evidence) -> Iterator[HeadingDeparture]:
         time_us = poses.track.arrival_us[chosen]
         edges = np.concatenate([frame_moved_us(evidence, poses), _yaw_set_us(vehicle)])
         parts = np.searchsorted(np.sort(edges), time_us, side="right")
-        off_rad = np.zeros(len(chosen))
+        off_rad, since_begin_rad = np.zeros((2, len(chosen)))
         for part in np.unique(parts).tolist():
             inside = parts == part
             if np.ptp(time_us[inside]) >= limits.SHORTEST_COMPARED_US and np.count_nonzero(inside) >= FEWEST_MESSAGES:
                 of_vehicle = quats_from_euler(there[chosen][inside])
                 off_rad[inside] = heading_departure(quats[chosen][inside], of_vehicle)
+                begin_rad = np.median(off_rad[inside][:FEWEST_MESSAGES])
+                since_begin_rad[inside] = np.angle(np.exp(1j * (off_rad[inside] - begin_rad)))
         source = f"{vehicle.origin}, which may follow the stream" if vehicle.follows_stream else vehicle.origin
-        yield HeadingDeparture(poses, source, chosen, off_rad, _turning_rad(vehicle, time_us - delay_us))
+        turning_rad = _turning_rad(vehicle, time_us - delay_us)
+        yield HeadingDeparture(poses, source, chosen, off_rad, since_begin_rad, turning_rad)
 
 
 def _yaw_set_us(vehicle: AttitudeSeries) -> Ints:
@@ -176,12 +181,24 @@ def _turning_rad(vehicle: AttitudeSeries, time_us: Ints) -> Floats:
     return np.asarray(np.abs(ends[1][:, 2] - ends[0][:, 2]) / (2e-6 * limits.TURNING_AROUND_US), dtype=np.float64)
 
 
+def _departs(heading: HeadingDeparture, off_rad: Floats) -> Bools:
+    """Return which messages have a yaw that is wrong for a while, by more than lateness in a turn explains."""
+    allowed = limits.HEADING_OFF_RAD + limits.HEADING_LATE_S * heading.turning_rad
+    off = np.asarray(np.abs(off_rad) > allowed, dtype=np.bool_)
+    return lasting(heading.poses.track.arrival_us[heading.chosen], off)
+
+
 def departure_mask(heading: HeadingDeparture) -> Bools:
     """Return which messages have a yaw that is wrong by more than lateness in a turn explains; none if they are few."""
-    allowed = limits.HEADING_OFF_RAD + limits.HEADING_LATE_S * heading.turning_rad
-    off = np.asarray(np.abs(heading.off_rad) > allowed, dtype=np.bool_)
-    mask = lasting(heading.poses.track.arrival_us[heading.chosen], off)
+    mask = _departs(heading, heading.off_rad)
     return mask if np.mean(mask) > limits.HEADING_OFF_SHARE else np.zeros_like(mask)
+
+
+def departs_from_us(heading: HeadingDeparture) -> int:
+    """Return when the heading first left the vehicle's, by their difference at the begin."""
+    mask = _departs(heading, heading.since_begin_rad)
+    first = int(np.argmax(mask if mask.any() else departure_mask(heading)))
+    return int(heading.poses.track.arrival_us[heading.chosen[first]])
 
 
 def heading_departs(evidence: Evidence, sender: Sender) -> bool:

@@ -238,7 +238,7 @@ def clock_rate(evidence: Evidence) -> Iterator[Sighting]:
         ratio = advance_s / track.span_s
         much = f", {ratio:.3f} times as much"
         if ratio >= limits.CLOCK_TIMES_TOO_FAST:
-            much = f": the sender's clock runs {ratio:.0f} times too fast"
+            much += f": the sender's clock runs {ratio:.0f} times too fast"
         yield Sighting.in_track(
             f"{track.sender}: in {track.span_s:.1f} s of the autopilot's clock stamps advance by {advance_s:.1f} s"
             f"{much}{cause}",

@@ -117,6 +117,8 @@ BURST_SHARE: Final = 0.05
 
 SLOW_PERIOD_US: Final = 250_000
 """A message that is a little late then makes the sensor unhealthy, after 300 ms."""
+BURST_INTERVAL: Final = 0.7
+"""Of the mean interval: where the middle one is shorter, messages come in bursts, or with gaps between."""
 FEW_PERIOD_US: Final = 100_000
 """The advice is 10 messages per second, or more."""
 TOO_SOON_SHARE: Final = 0.05

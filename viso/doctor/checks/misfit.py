@@ -15,6 +15,7 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import (
     SentPath,
     aligned_us,
+    departs_from_us,
     departure_mask,
     heading_departures,
     is_of_one_time,
@@ -75,8 +76,8 @@ def yaw_wanders(evidence: Evidence) -> Iterator[Sighting]:
             yield Sighting.in_track(
                 f"{track.sender}: the yaw is more than 10 deg from the vehicle's own ({heading.source}) in {count} "
                 f"messages, by {middle_deg:.0f} deg in the middle of all and {worst_deg:.0f} deg at worst within "
-                f"{track.span_s:.0f} s, a constant difference taken off; the first at "
-                f"{at(track.arrival_us[heading.chosen[mask][0]])}",
+                f"{track.span_s:.0f} s, a constant difference taken off; it first leaves it at "
+                f"{at(departs_from_us(heading))}",
                 track,
                 heading.chosen[mask],
                 severity=None if is_gross else Severity.WARNING,

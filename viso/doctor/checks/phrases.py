@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from viso.doctor.checks import limits
 from viso.doctor.checks.check import Sighting
 from viso.doctor.evidence.tracks import HandledMessage, Track
 
@@ -14,6 +15,14 @@ from viso.doctor.evidence.tracks import HandledMessage, Track
 def at(time_us: float) -> str:
     """Return a time in s since boot."""
     return f"{time_us * 1e-6:.3f} s"
+
+
+def per_second(times_us: npt.ArrayLike) -> str:
+    """Return how many messages come a second, counted over time, and whether they come in bursts; at least two."""
+    times = np.asarray(times_us, dtype=np.float64)
+    rate, middle_us = 1e6 * (len(times) - 1) / np.ptp(times), float(np.median(np.diff(times)))
+    bursts = "" if middle_us * rate > limits.BURST_INTERVAL * 1e6 else ", in bursts or with gaps"
+    return f"{rate:.3g} messages per second{bursts}"
 
 
 def share(part: int, whole: int) -> str:

@@ -12,7 +12,7 @@ from ekf_stub.ahrs.sources import EXTNAV
 from ekf_stub.inputs.ingest_rules import TOO_SOON
 from viso.doctor.checks import limits
 from viso.doctor.checks.check import Severity, Sighting, check
-from viso.doctor.checks.phrases import at, share
+from viso.doctor.checks.phrases import at, per_second, share
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.sender_clock import FEWEST_MESSAGES, sender_clock
 from viso.doctor.evidence.tracks import HandledMessage, Track
@@ -62,8 +62,9 @@ def _slow_us(evidence: Evidence) -> float:
 )
 def too_few_messages(evidence: Evidence) -> Iterator[Sighting]:
     if interval := _slow_us(evidence):
-        text = f"{1e6 / interval:.1f} messages per second, {interval / 1000:.0f} ms apart"
-        yield Sighting.in_messages(text, _taken(evidence))
+        taken = _taken(evidence)
+        text = f"{per_second([message.arrival_us for message in taken])}, {interval / 1000:.0f} ms apart"
+        yield Sighting.in_messages(text, taken)
 
 
 def _silence_at_end(evidence: Evidence, least_us: int, most_us: int) -> Iterator[Sighting]:
@@ -204,7 +205,7 @@ def too_many_messages(evidence: Evidence) -> Iterator[Sighting]:
         kind = "velocity" if track.sender.name == "VISION_SPEED_ESTIMATE" else "pose"
         offered, refused = _samples(evidence, kind)
         if refused:
-            text = f"{track.sender}: {1e6 / interval:.0f} messages per second; {share(len(refused), len(offered))}"
+            text = f"{track.sender}: {per_second(track.arrival_us)}; {share(len(refused), len(offered))}"
             yield Sighting(f"{text} {kind} samples were refused", [message.number for message in refused])
 
 
@@ -262,4 +263,4 @@ def few_messages(evidence: Evidence) -> Iterator[Sighting]:
     for track in evidence.stream.tracks:
         interval = _median_interval_us(track)
         if len(track) >= FEWEST_MESSAGES and limits.FEW_PERIOD_US < interval < limits.SLOW_PERIOD_US:
-            yield Sighting(f"{track.sender}: {1e6 / interval:.1f} messages per second", track.numbers.tolist())
+            yield Sighting(f"{track.sender}: {per_second(track.arrival_us)}", track.numbers.tolist())

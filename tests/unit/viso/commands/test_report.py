@@ -33,7 +33,7 @@ def test_everything_is_written_and_told(viso: Viso, tmp_path: Path, monkeypatch:
     outcome = viso("report", path, "-o", "pages", "--svg", "svg", "--png", "png", "--tum", "f.tum", "--csv", "f.csv")
     assert (outcome.code, outcome.err) == (0, "")
     first, *lines = outcome.out.splitlines()
-    assert first.startswith("TROUBLE: External navigation brought 209 poses at 20 Hz")
+    assert first.startswith("TROUBLE: External navigation brought 209 poses at 19 Hz")
     assert "- The reset counter of vision changed once: at 9.0 s." in lines
     written = [line.removeprefix("written: ") for line in lines if line.startswith("written: ")]
     assert written == [

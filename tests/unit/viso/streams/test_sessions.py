@@ -62,13 +62,14 @@ def test_reboot_parts_the_stream_behind_the_last_old_time() -> None:
     stream = rebooted()
     first, second = sessions_of(stream)
     assert len(first.messages) + len(second.messages) == len(stream.messages)
-    assert first.messages[-1].arrival_us == LEAD_US + 3_950_000
-    # A recording of its own begins when all do.
-    assert second.messages[0].arrival_us == LEAD_US
+    # Times are those of the autopilot's clock, which begins again; what came before it ran counts as of its boot.
+    assert first.messages[-1].arrival_us == 100_000_000 + 3_950_000
+    assert second.messages[0].arrival_us == 0
     told = [listen(session) for session in (first, second)]
     assert [one.params["VISO_TYPE"] for one in told] == [1.0, 2.0]
     assert all(one.changes == () for one in told)
-    assert all(one.attitude is not None and one.attitude.time_us.min() >= LEAD_US for one in told)
+    starts_us = [one.attitude.time_us.min() for one in told if one.attitude is not None]
+    assert starts_us == [100_000_000, 2_500_000]
 
 
 def test_session_with_most_external_navigation_is_taken_unless_told_otherwise() -> None:

@@ -13,6 +13,7 @@ from tests.unit.viso.command_line import Viso
 from tests.unit.viso.doctor.evidences import evidence_of
 from viso.doctor import CHECKS, Check, Evidence, Severity, Sighting, diagnose
 from viso.doctor.checks.causes import probable_cause
+from viso.doctor.checks.phrases import per_second
 from viso.doctor.evidence.set_up import FEWEST_OF_WHOLE_LIST
 from viso.firmware.flown import profile_for, version_in
 
@@ -90,3 +91,8 @@ def test_cause_is_printed_first(viso: Viso) -> None:
     Path("poses.tum").write_text(poses, encoding="utf-8")
     out = viso("doctor", "poses.tum", "--param", "VISO_TYPE=0", "--param", "EK3_SRC1_POSXY=6").out
     assert out.startswith(("probable cause: XN7-01", "error XN7-01"))
+
+
+def test_rate_is_counted_over_time_and_bursts_are_named() -> None:
+    assert per_second([0, 100_000, 200_000, 300_000]) == "10 messages per second"
+    assert per_second([0, 100, 200, 300_000, 300_100, 300_200]) == "16.7 messages per second, in bursts or with gaps"
