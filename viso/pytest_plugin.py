@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from viso.testing.golden import GoldenFiles
 
 MARKER: Final = "extnav_autopilot"
-OPTION_NAMES: Final = ("params", "preset", "imu", "firmware", "vision")
+OPTION_NAMES: Final = ("params", "preset", "imu", "firmware", "vision", "home")
 UPDATE_GOLDEN: Final = "update_golden"
 
 _A = TypeVar("_A", bound="Autopilot")

@@ -29,6 +29,7 @@ from viso.terminal.ahrs import (
     AhrsChoice,
     AhrsOption,
     HeadingOption,
+    HomeOption,
     ImuErrorOption,
     ImuOption,
     ImuSeedOption,
@@ -139,6 +140,7 @@ def serve(
         ),
     ] = None,
     heading: HeadingOption = 0.0,
+    home: HomeOption = None,
     ahrs: AhrsOption = None,
     baud: Annotated[
         int | None,
@@ -210,7 +212,7 @@ def serve(
         refuse_input(path)
     param_store, key_store = ParamStore(storage_path), FileKeyStore(key_path)
     config = VehicleConfig(
-        ahrs_maker(AhrsChoice(ahrs, imu, imu_error, imu_seed, heading)),
+        ahrs_maker(AhrsChoice(ahrs, imu, imu_error, imu_seed, heading, home)),
         links=len(names),
         vicon=vicon,
         defaults=settings,

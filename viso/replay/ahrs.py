@@ -198,10 +198,10 @@ def ahrs_maker(
     Raises:
         InputError: a file cannot be read or lacks something, an option cannot be used, or two exclude each other.
     """
-    options = imu_options(choice)
+    options = imu_options(choice, default_imu)
     if choice.log is None:
         return by_ekf3(read_source(choice.imu or default_imu), options)
-    for name, value in (("--imu", choice.imu), ("--imu-error", choice.imu_errors)):
+    for name, value in (("--imu", choice.imu), ("--imu-error", choice.imu_errors), ("--home", choice.home)):
         if value:
             raise InputError(f"--ahrs and {name}: a vehicle that follows a log has no sensors")
     path, log = choice.log, read_columns(choice.log)

@@ -11,7 +11,7 @@ import typer
 
 from viso.errors import InputError
 from viso.vehicle.sensors.errors import ERROR_NAMES, parse_errors
-from viso.vehicle.sensors.inertial_sources import FLOWN, IMU_HELP
+from viso.vehicle.sensors.inertial_sources import FLOWN, IMU_HELP, home_of
 from viso.vehicle.sensors.source import ImuOptions
 
 AhrsOption = Annotated[
@@ -33,6 +33,14 @@ ImuSeedOption = Annotated[int, typer.Option(help="Seed of their noise.", min=0)]
 HeadingOption = Annotated[
     float, typer.Option(help="Where the vehicle points at first in degrees, if neither log nor script say.")
 ]
+HomeOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Where it starts: degrees, m above sea level, degrees from north. Default: where the firmware's "
+        "simulator does, heading north.",
+        metavar="LAT,LON,ALT,HEADING",
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +48,7 @@ class AhrsChoice:
     """What the command line says of attitude and position.
 
     A log is followed in place of a filter; else ``imu`` is the source of the sensors' data, each of ``imu_errors`` is
-    NAME=VALUE, and the seed that of their random part.
+    NAME=VALUE, and the seed that of their random part. ``home`` is LAT,LON,ALT,HEADING.
     """
 
     log: Path | None = None
@@ -48,6 +56,7 @@ class AhrsChoice:
     imu_errors: list[str] | None = None
     imu_seed: int = 0
     heading_deg: float = 0.0
+    home: str | None = None
 
 
 def of_stream(imu: str | None, stream: Path) -> str | None:
@@ -62,7 +71,18 @@ def heading_in_rad(heading_deg: float) -> float:
     return math.remainder(math.radians(heading_deg), 2 * math.pi)
 
 
-def imu_options(choice: AhrsChoice) -> ImuOptions:
+def imu_options(choice: AhrsChoice, default_imu: str = "bench") -> ImuOptions:
     """Return the options of inertial data that were chosen. Raises InputError if one cannot be used."""
-    heading_rad = heading_in_rad(choice.heading_deg)
-    return ImuOptions(heading_rad=heading_rad, errors=parse_errors(choice.imu_errors or []), seed=choice.imu_seed)
+    home, home_heading_rad = home_of(_numbers(choice.home), choice.imu or default_imu, f"--home {choice.home}")
+    if home is not None and choice.heading_deg:
+        raise InputError("--home and --heading both say where it points")
+    heading_rad = heading_in_rad(choice.heading_deg) if home is None else home_heading_rad
+    errors = parse_errors(choice.imu_errors or [])
+    return ImuOptions(heading_rad=heading_rad, errors=errors, seed=choice.imu_seed, home=home)
+
+
+def _numbers(text: str | None) -> list[float] | None:
+    try:
+        return None if text is None else [float(part) for part in text.split(",")]
+    except ValueError:
+        return []

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeVar
 
-from ap_core.location import Location
 from ap_core.verdict import VerdictKind
 from mav_handlers.wire.messages import (
     COMMAND_ACK,
@@ -37,8 +36,6 @@ M = TypeVar("M", bound=Message)
 
 GUIDED: Final = 4
 NEAR_M: Final = 0.2
-ORIGIN: Final = Location(-353632621, 1491652374, 58400)
-"""Where the simulator of the firmware starts."""
 
 _STEP_S: Final = 0.05
 _ARM, _TAKEOFF, _LAND, _SET_MODE = 400, 22, 21, 176
@@ -211,7 +208,7 @@ class Autopilot:
     def takeoff(self, height_m: float, *, within_s: float = 30.0) -> None:
         """Change to GUIDED, arm, take off, and wait until the vehicle is there by its own estimate.
 
-        A vehicle without an origin gets that of the firmware's simulator.
+        A vehicle without an origin gets its home as such.
 
         Raises:
             AssertionError: it refused, or was not there in time; the text has what it said.
@@ -220,7 +217,8 @@ class Autopilot:
         self._airframe()
         start_m, copter = self._height_m(), self.vehicle.copter
         if self.vehicle.ahrs.origin() is None:
-            self._send_as_station(SET_GPS_GLOBAL_ORIGIN(1, ORIGIN.lat, ORIGIN.lng, 10 * ORIGIN.alt_cm))
+            home = self.vehicle.source.place
+            self._send_as_station(SET_GPS_GLOBAL_ORIGIN(1, home.lat, home.lng, 10 * home.alt_cm))
         self._command(_SET_MODE, 1.0, GUIDED)
         self._wait(lambda: copter.arming.pre_arm_checks(display=False), within_s, "readiness to arm")
         self._command(_ARM, 1.0)

@@ -16,7 +16,7 @@ from viso.parameters.conversion import name_here
 from viso.parameters.releases import ALL_RENAMES
 from viso.terminal.settings import PRESETS, known_parameters, load_settings
 from viso.vehicle.config import VehicleConfig, by_ekf3
-from viso.vehicle.sensors.inertial_sources import read_source, wants_vicon
+from viso.vehicle.sensors.inertial_sources import home_of, read_source, wants_vicon
 from viso.vehicle.sensors.source import ImuOptions
 
 DEFAULT_PARAMS: Final[Mapping[str, float]] = MappingProxyType(
@@ -45,6 +45,8 @@ class AutopilotOptions:
         imu: what its sensors say, as for ``viso serve --imu``: ``follow`` moves as external navigation says, ``bench``
             stands still.
         firmware: which one it is, by name.
+        home: where it starts, and where it points at first: latitude and longitude in degrees, height above sea level
+            in m, heading in degrees from north; None for where the firmware's simulator starts, heading north.
         vision: ``vicon`` for the simulator's own camera, which sees a vehicle that flies; None for none.
 
     Raises:
@@ -56,6 +58,7 @@ class AutopilotOptions:
     imu: str = "follow"
     firmware: str = DEFAULT.name
     vision: str | None = None
+    home: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
         """Look at the values of parameters; all else is looked at when the vehicle is built."""
@@ -77,10 +80,11 @@ class AutopilotOptions:
         try:
             source = read_source(self.imu)
             vicon = wants_vicon(self.vision, self.imu, "--vision")
+            home, heading_rad = home_of(self.home, self.imu, f"--home {self.home}")
         except InputError as error:
             raise ValueError(str(error).removeprefix("--")) from None
         return VehicleConfig(
-            by_ekf3(source, ImuOptions()),
+            by_ekf3(source, ImuOptions(heading_rad=heading_rad, home=home)),
             defaults={**self._preset_params(), **self._own_params()},
             open_log=open_log,
             firmware=PROFILES[self.firmware],

@@ -70,7 +70,7 @@ def test_params(extnav_autopilot):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ("'voxl'", "*the marker takes params, preset, imu, firmware, vision, by name, and not 'voxl'"),
+        ("'voxl'", "*the marker takes params, preset, imu, firmware, vision, home, by name, and not 'voxl'"),
         ("param={}", "*by name, and not param"),
         ("params=3", "*extnav_autopilot: params is 3, not a mapping of names to numbers"),
         ("params={'VISO_TYP': 1}", "*extnav_autopilot: params: * unknown parameter VISO_TYP"),
@@ -179,7 +179,7 @@ def test_help_tells_option_and_marker(pytester: pytest.Pytester) -> None:
     pytester.runpytest_inprocess(*WITH_PLUGIN, "--help").stdout.fnmatch_lines(["*--update-golden*"])
     markers = pytester.runpytest_inprocess(*WITH_PLUGIN, "--markers")
     markers.stdout.fnmatch_lines(
-        ["@pytest.mark.extnav_autopilot(params=..., preset=..., imu=..., firmware=..., vision=...): *"]
+        ["@pytest.mark.extnav_autopilot(params=..., preset=..., imu=..., firmware=..., vision=..., home=...): *"]
     )
 
 

@@ -262,7 +262,7 @@ class HilSource(VehicleSource):
             self.ignored["state_beside_sensor"] += 1
             return
         self._height = self._state_height.take(message.time_usec, 1e-3 * message.alt)
-        self._field = ideal_field(self._place, self._quat)
+        self._field = ideal_field(self.place, self._quat)
         if before is not None and interval_us is not None:
             self._add_difference(before, self._quat, vel_before, interval_us)
 

@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sources of inertial data, by the names that the command line knows; a new one is a file and a row."""
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from ap_core.location import Location
 from viso.errors import InputError
 from viso.vehicle.sensors.flown.source import read_recorded_source
 from viso.vehicle.sensors.hil import HilSource
@@ -23,6 +25,8 @@ FLIES: Final = "fly"
 """The source that flies as it is commanded."""
 VICON: Final = "vicon"
 """The camera that sees what flies."""
+
+MOST_ALTITUDE_M: Final = 10_000
 
 _OPTION: Final = "--imu"
 
@@ -71,6 +75,34 @@ def read_source(text: str) -> MakeSource:
     if colon and not source.argument:
         raise InputError(f"{_OPTION} {text}: {name} takes nothing behind it")
     return source.read(argument)
+
+
+_GROUND: Final = ("bench", "script", "follow", FLIES)
+"""The sources that do not know where on earth they are."""
+
+
+def home_of(numbers: Sequence[float] | None, imu: str, option: str) -> tuple[Location | None, float]:
+    """Return where a vehicle starts, and its heading in rad, -pi to pi; None and 0 if nothing is said of it.
+
+    Args:
+        numbers: latitude and longitude in degrees, height above sea level in m, heading in degrees.
+        imu: the source of its inertial data.
+        option: where they come from.
+
+    Raises:
+        InputError: they are no such place, or the source knows where it is.
+    """
+    if numbers is None:
+        return None, 0.0
+    if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
+        raise InputError(f"{option}: not four numbers LAT,LON,ALT,HEADING")
+    lat_deg, lon_deg, alt_m, heading_deg = numbers
+    if abs(lat_deg) > 90 or abs(lon_deg) > 180 or abs(alt_m) > MOST_ALTITUDE_M:
+        raise InputError(f"{option}: no place on earth; degrees, and up to {MOST_ALTITUDE_M} m")
+    if imu.partition(":")[0] not in _GROUND:
+        raise InputError(f"{option}: {_OPTION} {imu} says where it is; take {', '.join(_GROUND)}")
+    place = Location(round(1e7 * lat_deg), round(1e7 * lon_deg), round(100 * alt_m))
+    return place, math.remainder(math.radians(heading_deg), 2 * math.pi)
 
 
 def wants_vicon(vision: str | None, imu: str | None, option: str) -> bool:

@@ -33,18 +33,21 @@ class ImuOptions:
         has_compass: says whether there is a compass, and in use.
         errors: what is wrong with the sensors.
         seed: of the random part of the errors.
+        home: where the vehicle starts; None for where the firmware's simulator does. A vehicle that nobody flies is
+            then at the filter's origin, as soon as there is one.
     """
 
     heading_rad: float = 0.0
     has_compass: Callable[[], bool] = lambda: False
     errors: SensorErrors = NO_ERRORS
     seed: int = 0
+    home: Location | None = None
 
 
 PERIOD_US: Final = 100_000
 PHASE_US: Final = 50_000
 HOME: Final = Location(-353632610, 1491652300, 58409)
-"""Where the reference's simulator stands, and a vehicle that has no origin."""
+"""Where the reference's simulator stands, and a vehicle of which nobody says where it starts."""
 
 
 def last_reading_us(now_us: int) -> int | None:
@@ -63,6 +66,7 @@ class VehicleSource(SensorSource):
     """The sensors of a vehicle, and what else moves along with them.
 
     Attributes:
+        place: on earth, from which its positions count; its compass measures the field there.
         airframe: what flies; None of a vehicle that nobody flies.
         flight: the flight of a log that is flown again; None of a vehicle that does something else.
         stands_for_ever: nothing can move it.
@@ -78,12 +82,14 @@ class VehicleSource(SensorSource):
         self._next_reading_us = 0
         self._baro: tuple[int, float] | None = None
         self._mag: tuple[int, Array] | None = None
-        self._place = HOME
+        self.place = options.home or HOME
         self._declination = 0.0
 
     def stand_at(self, origin: Location) -> None:
-        """Stand where the filter's origin is; from then on the compass knows its declination."""
-        self._place, self._declination = origin, float(get_declination_rad(origin))
+        """Let the compass know the declination of the filter's origin, and stand there unless a home is given."""
+        self._declination = float(get_declination_rad(origin))
+        if self._options.home is None and self.airframe is None:
+            self.place = origin
 
     def _read(self, now_us: int, height_m: float, quat: Quat) -> None:
         """Read the barometer, and the compass if there is one, of a vehicle with an attitude (body to NED)."""
@@ -92,7 +98,7 @@ class VehicleSource(SensorSource):
             return
         self._next_reading_us = reading_us + PERIOD_US
         self._baro = reading_us // 1000, float(np.float32(height_m))
-        self._mag = (reading_us, ideal_field(self._place, quat)) if self._options.has_compass() else None
+        self._mag = (reading_us, ideal_field(self.place, quat)) if self._options.has_compass() else None
 
     def next_event_us(self) -> int:
         """Return the time of the next event that sensors do not show, us since boot."""

@@ -36,7 +36,7 @@ class BenchSource(VehicleSource):
         quat = self._quat = quat_of_euler(roll_rad, pitch_rad, options.heading_rad)
         self._accel = to_body(quat, (0.0, 0.0, -GRAVITY_MSS))
         self._quat = quat
-        self._field = ideal_field(self._place, quat)
+        self._field = ideal_field(self.place, quat)
         self._last_us: int | None = None
         self._dt_us = NOMINAL_US
         self._delta = self._move_on(NOMINAL_US)
@@ -44,9 +44,9 @@ class BenchSource(VehicleSource):
         self._ideal = self._sense_anew(0)
 
     def stand_at(self, origin: Location) -> None:
-        """Stand where the filter's origin is."""
+        """Let the compass know the origin's declination, and stand there unless a home is given."""
         super().stand_at(origin)
-        self._field = ideal_field(origin, self._quat)
+        self._field = ideal_field(self.place, self._quat)
 
     def sense(self, now_us: int) -> Sensors | None:
         """Return the data of the sensors, or None for a time that has passed."""

@@ -42,14 +42,14 @@ class FlightTruth:
     """Where a simulated vehicle really is, and how it moves.
 
     Attributes:
-        place: on earth, None without an EKF origin.
+        place: on earth.
         vel_ned_m_s: its velocity.
         quat_wxyz: its attitude, body (FRD) to earth (NED).
         rpy_rad: the same as roll, pitch and yaw.
         acc_frd_m_s2, rates_frd_rad_s: what ideal inertial sensors say.
     """
 
-    place: Location | None
+    place: Location
     vel_ned_m_s: tuple[float, float, float]
     quat_wxyz: tuple[float, float, float, float]
     rpy_rad: tuple[float, float, float]
@@ -81,6 +81,7 @@ class FlightControl:
         receiver: Receiver,
     ) -> None:
         self._airframe = airframe
+        self._source = vehicle.source
         self._ahrs = vehicle.ahrs
         self._clock = vehicle.clock
         self._flight_modes = modes
@@ -135,10 +136,10 @@ class FlightControl:
 
     def truth(self) -> FlightTruth:
         """Return where the vehicle really is, as of the last pass."""
-        airframe, origin = self._airframe, self._ahrs.origin()
+        airframe = self._airframe
         truth, state = airframe.truth(), airframe.state
         acc_frd, rates_frd = airframe.felt()
-        place = None if origin is None else origin.offset(Vector3f(*truth.pos_ned))
+        place = self._source.place.offset(Vector3f(*truth.pos_ned))
         return FlightTruth(place, truth.vel_ned, truth.quat_wxyz, state.rpy, acc_frd, rates_frd)
 
     def turn_to(self, yaw_rad: float, slew_rad_s: float, direction: int, *, is_relative: bool) -> None:

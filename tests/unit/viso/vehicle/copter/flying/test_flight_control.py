@@ -17,7 +17,7 @@ from viso.firmware.releases import STABLE_4_6
 from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.modes import ModeNumber, ModeReason
 from viso.vehicle.sensors.moving import FlyingSource
-from viso.vehicle.sensors.source import ImuOptions
+from viso.vehicle.sensors.source import HOME, ImuOptions
 
 PERIOD_US = 20_000
 PLACE = Location(473977420, 85455940, 48800)
@@ -368,6 +368,6 @@ def test_vehicle_tells_its_truth_on_earth(up: Flyer) -> None:
     up.guide(vel_ned_m_s=(2.0, 0.0, 0.0))
     up.run(2.0)
     truth = up.copter.flight.truth()
-    assert truth.place == PLACE.offset(Vector3f(*up.pos))
+    assert truth.place == HOME.offset(Vector3f(*up.pos))
     assert truth.vel_ned_m_s == up.airframe.state.vel
     assert math.hypot(*truth.acc_frd_m_s2) == pytest.approx(9.8, abs=0.5)
