@@ -55,15 +55,10 @@ def test_text_may_come_a_quarter_of_a_second_early_or_late(apart_s: float, diffe
     assert found.worst_s == pytest.approx(abs(apart_s))
 
 
-@pytest.mark.parametrize(("number", "differ"), [("-1.9", False), ("-2.1", False), ("-2.2", True), ("2.0", True)])
-def test_printed_number_may_be_rounded_apart(number: str, differ: bool) -> None:
+@pytest.mark.parametrize("number", ["-1.9", "2.0", "-2.00"])
+def test_number_in_a_text_is_the_same(number: str) -> None:
     ours = [(time_s, text.replace("-2.0", number)) for time_s, text in TEXTS]
-    assert bool(compare_texts(TEXTS, ours).differences) is differ
-
-
-def test_sign_of_a_printed_zero_does_not_count() -> None:
-    ours = [(time_s, text.replace("= 0.0", "= -0.0")) for time_s, text in TEXTS]
-    assert compare_texts(TEXTS, ours).differences == ()
+    assert compare_texts(TEXTS, ours).differences
 
 
 def test_missing_text_is_told() -> None:
@@ -109,7 +104,7 @@ def test_same_changes_do_not_differ() -> None:
 
 
 def test_reset_by_as_much_does_not_differ() -> None:
-    ours, recorded = [(1.0, (4.05, 0.0)), (2.0, (-30.0, 1.0))], [(1.1, (4.0, 0.0)), (2.0, (-29.95, 1.0))]
+    ours, recorded = [(1.0, (4.0005, 0.0)), (2.0, (-30.0, 1.0))], [(1.1, (4.0, 0.0)), (2.0, (-29.9995, 1.0))]
     found = compare_moves(recorded, ours, TOLERANCES)
     assert (found.differences, found.matched) == ((), 2)
     assert found.worst_s == pytest.approx(0.1)
