@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Plain values that every room may return: what a core knows, what it does, and its texts in words."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, IntFlag
 from typing import Final, NamedTuple
 
 from ap_core.print_format import fixed
-from ekf_stub.core.events import INITIAL_POS, INITIAL_VEL
 
 Three = tuple[float, float, float]
 
@@ -209,19 +209,19 @@ _WORDS: Final = (
     (MAV_SEVERITY_INFO, "started relative aiding"),
     (MAV_SEVERITY_INFO, "is using GPS"),
     (MAV_SEVERITY_INFO, "is using external nav data"),
-    (MAV_SEVERITY_INFO, "initial pos NED = {},{},{} (m)"),
-    (MAV_SEVERITY_INFO, "initial vel NED = {},{},{} (m/s)"),
+    (MAV_SEVERITY_INFO, "initial pos NED = %.1f,%.1f,%.1f (m)"),
+    (MAV_SEVERITY_INFO, "initial vel NED = %.1f,%.1f,%.1f (m/s)"),
     (MAV_SEVERITY_INFO, "fusing odometry"),
     (MAV_SEVERITY_INFO, "fusing optical flow"),
-    (MAV_SEVERITY_INFO, "switching to compass {}"),
+    (MAV_SEVERITY_INFO, "switching to compass %.0f"),
     (MAV_SEVERITY_INFO, "yaw aligned"),
     (MAV_SEVERITY_INFO, "yaw aligned to GPS velocity"),
     (MAV_SEVERITY_INFO, "yaw aligned using GPS"),
     (MAV_SEVERITY_WARNING, "emergency yaw reset"),
-    (MAV_SEVERITY_INFO, "MAG{} initial yaw alignment complete"),
-    (MAV_SEVERITY_INFO, "MAG{} in-flight yaw alignment complete"),
-    (MAV_SEVERITY_WARNING, "MAG{} ground mag anomaly, yaw re-aligned"),
-    (MAV_SEVERITY_CRITICAL, "EKF3 lane switch {}"),
+    (MAV_SEVERITY_INFO, "MAG%.0f initial yaw alignment complete"),
+    (MAV_SEVERITY_INFO, "MAG%.0f in-flight yaw alignment complete"),
+    (MAV_SEVERITY_WARNING, "MAG%.0f ground mag anomaly, yaw re-aligned"),
+    (MAV_SEVERITY_CRITICAL, "EKF3 lane switch %.0f"),
     (MAV_SEVERITY_WARNING, "EKF3: origin already set"),
 )
 """Severity and words of each text, by its number in `ekf_stub.core.events`."""
@@ -230,8 +230,8 @@ _WORDS: Final = (
 def words_of(code: int, values: Sequence[float]) -> tuple[int, str]:
     """Return the severity of a text of the filter and its words, without the ``EKF3 IMU0 `` that names a core."""
     severity, words = _WORDS[code]
-    decimals = 1 if code in (INITIAL_POS, INITIAL_VEL) else 0
-    return severity, words.format(*(fixed(value, decimals) for value in values))
+    numbers = iter(values)
+    return severity, re.sub(r"%\.(\d)f", lambda found: fixed(next(numbers), int(found[1])), words)
 
 
 def cores_of_mask(imu_mask: int, imus: int = NUMBER_OF_IMUS) -> tuple[int, ...]:

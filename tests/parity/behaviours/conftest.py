@@ -7,12 +7,14 @@ from collections.abc import Callable
 
 import pytest
 
+from ap_core.location import Location
 from tests.parity.behaviours.logs import Recordings, recordings_of_run
 from tests.parity.behaviours.parked import Parked, source_set
-from viso.vehicle.config import bench, by_ekf3
+from viso.vehicle.config import by_ekf3
 from viso.vehicle.sensors.script.script import ScriptSource
 from viso.vehicle.sensors.script.script_file import parse_script
 from viso.vehicle.sensors.source import ImuOptions
+from viso.vehicle.sensors.standing import BenchSource
 
 MakeParked = Callable[..., Parked]
 
@@ -27,12 +29,12 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
 def make_parked(tmp_path_factory: pytest.TempPathFactory) -> MakeParked:
     """Return a function that makes a vehicle at rest from the values of its first source set, and other parameters.
 
-    There is a compass only if it is said so.
+    There is a compass only if it is said so; it measures the field at a home, if there is one.
     """
 
-    def make(sources: str = "66666", *, compass: bool = False, **params: float) -> Parked:
+    def make(sources: str = "66666", *, compass: bool = False, home: Location | None = None, **params: float) -> Parked:
         values = {"COMPASS_ENABLE": float(compass), **source_set(1, sources), **params}
-        return Parked(bench(), values, tmp_path_factory.mktemp("parked"))
+        return Parked(by_ekf3(BenchSource, ImuOptions(home=home)), values, tmp_path_factory.mktemp("parked"))
 
     return make
 
