@@ -243,6 +243,9 @@ FAILED_SHARE: Final = 0.1
 
 FLAT_MOVED_M: Final = 0.3
 """A z that never changes while x and y change by more is not measured."""
+FEWEST_GPS_INPUTS: Final = 20
+"""Fewer GPS_INPUT may be those of a start."""
+
 # XN8: alignment, and motion against the vehicle's.
 
 YAW_FAR_OFF_RAD: Final = math.radians(20)

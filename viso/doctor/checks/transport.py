@@ -81,7 +81,7 @@ def reach_signs(evidence: Evidence) -> list[str]:
 )
 def no_vision(evidence: Evidence) -> Iterator[Sighting]:
     ground = evidence.vehicle.ground
-    sent = ground.unread or any(
+    sent = bool(ground.unread or evidence.stream.gps_inputs) or any(
         (*(flow.units is not None for flow in ground.flows), *(finder.is_sent for finder in ground.ranges))
     )
     if evidence.stream.vision or evidence.is_off or (sent and not evidence.requests):

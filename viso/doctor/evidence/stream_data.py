@@ -10,6 +10,7 @@ from typing import Final
 from mav_handlers.handlers import VISION_MESSAGES
 from mav_handlers.verdicts import BAD_CRC
 from mav_handlers.wire.codec import BadData, Codec, Defect, message_name
+from mav_handlers.wire.messages import GPS_INPUT
 from viso.doctor.evidence.motion import Motion, motions_of
 from viso.doctor.evidence.tracks import (
     HandledMessage,
@@ -20,7 +21,7 @@ from viso.doctor.evidence.tracks import (
     stamped_tracks,
     velocity_tracks,
 )
-from viso.streams.stream import message_id_of
+from viso.streams.stream import message_id_of, received_in
 from viso.streams.stream_kinds import Aspect, Stream
 
 _MAVLINK_1: Final = 0xFE
@@ -59,6 +60,7 @@ class StreamData:
         lacks: what of the messages was made up, because the recording does not hold it.
         kinds: how many messages there are by name; damaged ones by the name in their header.
         refused: the types and senders of which frames failed their checksum.
+        gps_inputs: the messages of companions that act as a GPS.
     """
 
     name: str
@@ -72,6 +74,7 @@ class StreamData:
     lacks: frozenset[Aspect] = frozenset()
     kinds: Mapping[str, int] = field(default_factory=dict)
     refused: tuple[FrameKind, ...] = ()
+    gps_inputs: tuple[GPS_INPUT, ...] = ()
 
 
 def stream_data(stream: Stream, messages: tuple[HandledMessage, ...]) -> StreamData:
@@ -79,6 +82,7 @@ def stream_data(stream: Stream, messages: tuple[HandledMessage, ...]) -> StreamD
     vision = vision_of(messages)
     poses, velocities = pose_tracks(vision, stream.called), velocity_tracks(vision, stream.called)
     arrivals_us = [message.arrival_us for message in stream.messages[-1:] if message.arrival_us is not None]
+    inputs = (message for _, (_, message) in received_in(stream, frozenset({GPS_INPUT.__name__})))
     return StreamData(
         name=stream.name,
         messages=messages,
@@ -91,6 +95,7 @@ def stream_data(stream: Stream, messages: tuple[HandledMessage, ...]) -> StreamD
         lacks=stream.lacks,
         kinds=kinds_in(stream),
         refused=refused_kinds(stream) if any(message.verdict is BAD_CRC for message in messages) else (),
+        gps_inputs=tuple(message for message in inputs if isinstance(message, GPS_INPUT)),
     )
 
 

@@ -45,7 +45,7 @@ HERE = {
     *(f"XNF-{number:02}" for number in range(1, 17)),
     *(f"XNR-{number:02}" for number in range(1, 11)),
     *("XN9-10", "XN9-11", "XN9-12", "XN9-13", "XN9-14", "XN9-15", "XN9-16", "XN9-17", "XN9-18"),
-    *("XN7-31", "XN7-32", "XN7-33", "XN9-31", "XN9-32", "XN9-33"),
+    *("XN7-21", "XN7-22", "XN7-23", "XN7-31", "XN7-32", "XN7-33", "XN9-31", "XN9-32", "XN9-33"),
 }
 """Codes that tests of this folder show beside the corpus."""
 
