@@ -27,6 +27,12 @@ from viso.geometry.rotation import euler_from_quats
 _TILTED: Final = "roll and pitch are {:.0f} deg from the vehicle's own, and {:.0f} deg if q is read as {}"
 
 
+_TURN_BOTH: Final = (
+    "Convert the world as well (XN2-07): VISO_ORIENT turns the body alone. Motion capture whose y points up can be set "
+    "to z up there, as in Motive; then send positions as (x, -y, -z), and the attitude with them."
+)
+
+
 def _is_ros(compared: Comparison) -> bool:
     """Return whether an attitude is of an FLU body in a world whose z is up."""
     orientation, world = compared.orientation, compared.world
@@ -74,14 +80,20 @@ def camera_attitude(evidence: Evidence) -> Iterator[Sighting]:
         if compared.exchanged or compared.reading is not None:
             continue
         is_obeyed, orient = evidence.viso_type in ALIGNING_TYPES, int(evidence.param("VISO_ORIENT"))
+        mounting = orient if is_obeyed else None
         set_so = f" once VISO_ORIENT {orient} is taken off" if is_obeyed and orient else ""
         yield Sighting.in_track(
             f"{compared.poses.track.sender}: against the vehicle's own attitude the axes point {orientation.name} "
             f"rather than FRD{set_so}: {orientation.text} (correlation {orientation.choice.correlation:.2f}, next best "
             f"{orientation.choice.second_correlation:.2f})",
             compared.poses.track,
-            fix=_mounting_fix(orientation.axes, orient if is_obeyed else None),
+            fix=_TURN_BOTH if _is_world_tilted(compared) else _mounting_fix(orientation.axes, mounting),
         )
+
+
+def _is_world_tilted(compared: Comparison) -> bool:
+    """Return whether the z axis of the stream's world does not point down."""
+    return compared.world.sufficient and compared.world.axes.signed_axes[2] != 3
 
 
 def _mounting_fix(axes: AxisMap, orient: int | None) -> str:
@@ -159,8 +171,7 @@ def _exchange_fix(exchanged: Sequence[Carrier], *, is_quaternion: bool) -> str:
 def world_not_down(evidence: Evidence) -> Iterator[Sighting]:
     for compared in evidence.comparisons:
         world = compared.world
-        tilted = world.sufficient and world.axes.signed_axes[2] != 3
-        if compared.shows_axes and tilted and not _is_ros(compared) and compared.reading is None:
+        if compared.shows_axes and _is_world_tilted(compared) and not _is_ros(compared) and compared.reading is None:
             track = compared.poses.track
             yield Sighting.in_track(
                 f"{track.sender}: against the vehicle's own attitude the stream's world is {world.name}", track

@@ -67,8 +67,12 @@ def nan_attitude(evidence: Evidence) -> Iterator[Sighting]:
     fix="If no velocity is known, send VISION_POSITION_ESTIMATE, and set EK3_SRC1_VELXY and VELZ to 0.",
 )
 def nan_velocity(evidence: Evidence) -> Iterator[Sighting]:
+    text, severity = "have NaN in the velocity", None
+    if not evidence.uses_velocities:
+        text, severity = f"{text}, which no source asks for", Severity.NOTE
     for velocities in evidence.stream.velocities:
-        yield from masked("have NaN in the velocity", velocities.track, np.isnan(velocities.sent).any(axis=1))
+        for sighting in masked(text, velocities.track, np.isnan(velocities.sent).any(axis=1)):
+            yield replace(sighting, severity=severity)
 
 
 @check(

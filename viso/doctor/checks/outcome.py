@@ -187,6 +187,8 @@ def _rejected_by_kind(evidence: Evidence) -> Iterator[tuple[str, int, list[Handl
     ),
 )
 def would_reject(evidence: Evidence) -> Iterator[Sighting]:
+    if not evidence.stream.poses:
+        return  # the model's vehicle moves by poses: without any it stands still, which contradicts what moves
     for kind, tested, messages in _rejected_by_kind(evidence):
         blind = _after_silence(evidence, messages)
         known = [message for message in messages if message.number not in blind]

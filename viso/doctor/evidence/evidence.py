@@ -132,9 +132,12 @@ class Evidence:
         if self.viso_type in ALIGNING_TYPES or any(self.source("YAW", number) == EXTNAV for number in SOURCE_SETS):
             return True
         turned = any(one.track.sender.name == ODOMETRY.__name__ for one in self.stream.velocities)
-        return turned and any(
-            EXTNAV in (self.source("VELXY", number), self.source("VELZ", number)) for number in SOURCE_SETS
-        )
+        return turned and self.uses_velocities
+
+    @property
+    def uses_velocities(self) -> bool:
+        """Whether a source set takes its velocity from external navigation."""
+        return any(EXTNAV in (self.source("VELXY", number), self.source("VELZ", number)) for number in SOURCE_SETS)
 
     @property
     def velocities_of_other_sets(self) -> list[str]:

@@ -258,3 +258,21 @@ def test_body_velocities_in_a_log_get_the_fix_of_the_message_that_takes_local_on
     assert "XN2-03" not in found_in(of_log(telemetry("ODOMETRY", turning, velocities=body)))
     as_odometry = found_in(of_log(telemetry("ODOMETRY", turning, velocities=lambda _quats, local: local)))["XN2-03"]
     assert "in local axes" in as_odometry.evidence
+
+
+@pytest.mark.parametrize(("velxy", "severity"), [(0.0, Severity.NOTE), (6.0, Severity.ERROR)])
+def test_velocity_of_nan_matters_where_a_source_asks_for_it(velxy: float, severity: Severity) -> None:
+    unknown = telemetry("ODOMETRY", params={**PARAMS, "EK3_SRC1_VELXY": velxy})
+    findings = diagnose(judged(unknown), [check for check in CHECKS if check.code == "XN5-03"])
+    assert [one.severity for one in findings] == [severity]
+
+
+def test_world_with_y_up_needs_more_than_a_mounting() -> None:
+    y_up = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
+
+    def sent(quats: Floats) -> Floats:
+        return np.asarray(product_of(product_of(y_up, quats), inverse(y_up)))
+
+    findings = found_in(telemetry("ATT_POS_MOCAP", Motion(yaw_rad=1.5, tilt_rad=0.2), quats=sent))
+    assert {"XN2-06", "XN2-07"} <= findings.keys()
+    assert "VISO_ORIENT turns the body alone" in findings["XN2-06"].fix

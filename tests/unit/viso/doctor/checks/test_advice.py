@@ -73,6 +73,11 @@ def test_advice_about_visual_odometry_says_that_the_build_has_none() -> None:
     ("XN7-19", ("XN9-11", "XN7-18"), ("XN9-11",)),
     ("XN8-07", ("XN9-31", "XN9-18"), ("XN9-31",)),
     ("XN9-07", ("XN9-31",), ("XN9-31",)),
+    ("XN1-01", ("XN7-18", "XN9-12", "XN9-15"), ("XN9-12", "XN9-15")),
+    ("XN9-12", ("XN9-13", "XN9-16"), ("XN9-13", "XN9-16")),
+    ("XN2-06", ("XN2-04", "XN8-05"), ("XN2-04", "XN8-05")),
+    ("XN2-07", ("XN2-06", "XN8-05"), ("XN2-06", "XN8-05")),
+    ("XN6-11", ("XN1-05", "XN4-06"), ("XN1-05", "XN4-06")),
 ])  # fmt: skip
 def test_one_cause_explains_others(cause: str, others: tuple[str, ...], explained: tuple[str, ...]) -> None:
     found = probable_cause(diagnose(evidence_of([]), [made(code) for code in (*others, cause)]))

@@ -9,6 +9,7 @@ import pytest
 from ap_core.verdict import Rule
 from ap_visualodom.verdicts import QUALITY_BELOW_MIN
 from ekf_stub.inputs.ingest_rules import FUSED, GATE_POSITION, FilterOutcome
+from mav_handlers.wire.messages import VISION_POSITION_DELTA
 from tests.unit.viso.conftest import odometry
 from tests.unit.viso.doctor.evidences import START_US, evidence_of, findings_of, seen
 from viso.doctor import Finding, HandledMessage, Severity
@@ -72,3 +73,15 @@ def test_vehicle_of_the_model_that_lost_the_stream_proves_nothing() -> None:
 @pytest.mark.parametrize("rejected", [0, 3])
 def test_few_rejections_are_let_pass(rejected: int) -> None:
     assert found_of([*[FUSED] * 50, *[GATE_POSITION] * rejected, *[FUSED] * 50]) is None
+
+
+def test_rejection_without_poses_shows_a_model_that_stands_still() -> None:
+    rejected = [message(number, GATE_POSITION) for number in range(100)]
+    test = rejected[0].samples
+    deltas = [
+        seen(n + 1, START_US + n * PERIOD_US, VISION_POSITION_DELTA(n, 40_000, (0.0,) * 3, (0.1, 0.0, 0.0), 90.0),
+             samples=test)
+        for n in range(100)
+    ]  # fmt: skip
+    assert "XN9-04" in findings_of(evidence_of(rejected))
+    assert "XN9-04" not in findings_of(evidence_of(deltas))
