@@ -15,7 +15,7 @@ from viso.doctor.checks import limits
 from viso.doctor.checks.alignment import alignment_advice
 from viso.doctor.checks.check import Severity, Sighting, check
 from viso.doctor.checks.phrases import at, how_often, share
-from viso.doctor.evidence.estimate import Move, texts_of
+from viso.doctor.evidence.estimate import MOVED_M, TURNED_DEG, Move
 from viso.doctor.evidence.evidence import Evidence
 from viso.doctor.evidence.own_filter import NOT_KNOWN, POSITION, VELOCITY, OwnFilter, Witness, aiding_texts, source_name
 from viso.doctor.evidence.tracks import Floats, Ints
@@ -28,7 +28,6 @@ _ORIGIN_SET: Final = " origin set"
 _GPS_SOURCES: Final = {"POSXY": (3,), "VELXY": (3,), "POSZ": (3,), "VELZ": (3,), "YAW": (2, 3, 8)}
 _YAW_TEXTS: Final = re.compile(r".*(yaw reset|yaw aligned.*|yaw alignment complete|yaw re-aligned)$")
 _MOST_MOVES: Final = 6
-_OF_MOTION: Final = 2  # POSXY and VELXY, the first of ``ROWS``
 
 
 def _texts(evidence: Evidence) -> list[tuple[int, str]]:
@@ -40,9 +39,17 @@ def _texts(evidence: Evidence) -> list[tuple[int, str]]:
 
 
 def _origin_set_us(evidence: Evidence) -> int | None:
-    said = texts_of(_texts(evidence), _ORIGIN_SET)
+    said = [time_us for time_us, text in _texts(evidence) if text.endswith(_ORIGIN_SET)]
     origin = evidence.vehicle.origin
     return min(said) if said else None if origin is None else origin.time_us
+
+
+def _source_at(own: OwnFilter | None, name: str, time_us: int) -> int:
+    """Return the source of POSXY, VELXY, POSZ or others that the vehicle's filter used at a time, or NOT_KNOWN."""
+    if own is None or not len(own.time_us):
+        return NOT_KNOWN
+    nearest = min(int(np.searchsorted(own.time_us, time_us)), len(own.time_us) - 1)
+    return int(own.sources[nearest, ROWS.index(name)])
 
 
 def _is_armed(own: OwnFilter | None, time_us: int) -> bool:
@@ -86,13 +93,8 @@ def origin_at_height(evidence: Evidence) -> Iterator[Sighting]:
 
 
 def _takes_height(evidence: Evidence, time_us: int) -> bool:
-    own = evidence.vehicle.own_filter
-    if own is not None and len(own.time_us):
-        at_index = min(int(np.searchsorted(own.time_us, time_us)), len(own.time_us) - 1)
-        source = int(own.sources[at_index, ROWS.index("POSZ")])
-        if source >= 0:
-            return source == EXTNAV
-    return evidence.source("POSZ") == EXTNAV
+    source = _source_at(evidence.vehicle.own_filter, "POSZ", time_us)
+    return (evidence.source("POSZ") if source == NOT_KNOWN else source) == EXTNAV
 
 
 @check(
@@ -178,12 +180,12 @@ def _reason(evidence: Evidence, move: Move) -> _Reason:
         for time_us, text in _texts(evidence)
         if move.before_us - limits.MOVE_AFTER_US <= time_us <= move.after_us + limits.MOVE_SAID_US
     ]
-    if own is not None and (switched := _switch(own, move)) is not None:
+    if (switched := _switch(own, move)) is not None:
         return _Reason(f"as the source set was switched, from {switched[0]} to {switched[1]}", _switch_fix(evidence))
     for _, text in near:
         if text.startswith("Using EKF Source Set"):
             return _Reason(f'as the source set was switched ("{text}")', _switch_fix(evidence))
-    if any(_YAW_TEXTS.match(text) for _, text in near) and abs(move.yaw_deg) > limits.MOVE_YAW_DEG:
+    if any(_YAW_TEXTS.match(text) for _, text in near) and abs(move.yaw_deg) > TURNED_DEG:
         said = next(text for _, text in near if _YAW_TEXTS.match(text))
         return _Reason(f'by a reset of the yaw ("{said}")', _YAW_FIX)
     began = [text for _, _, text in aiding_texts(near) if text != "initialised"]
@@ -197,10 +199,7 @@ def _reason(evidence: Evidence, move: Move) -> _Reason:
         return _Reason("as the filter changed its core", "Compare the cores: see XN9-14.")
     if _counter_changed(evidence, move):
         return _Reason("as the stream's reset counter changed, which the filter follows", _RESET_FIX, Severity.WARNING)
-    source = NOT_KNOWN
-    if own is not None and len(own.time_us):
-        index = min(int(np.searchsorted(own.time_us, move.after_us)), len(own.time_us) - 1)
-        source = int(own.sources[index, ROWS.index("POSXY")])
+    source = _source_at(own, "POSXY", move.after_us)
     if source == int(SourceXY.GPS):
         return _Reason("by a reset to the GPS, which it had rejected or missed for 7 s", _GPS_FIX)
     return _Reason(
@@ -228,13 +227,10 @@ def _start_fix(evidence: Evidence, move: Move) -> str:
     return "Let the stream begin before take-off, near 0 and where the vehicle is; do not start it in flight."
 
 
-def _switch(own: OwnFilter, move: Move) -> tuple[str, str] | None:
+def _switch(own: OwnFilter | None, move: Move) -> tuple[str, str] | None:
     """Return the sources of position or velocity before and after, if they are known and changed about a move."""
-    if not len(own.time_us):
-        return None
-    last = len(own.time_us) - 1
     first, second = (
-        own.sources[min(int(np.searchsorted(own.time_us, time_us)), last), :_OF_MOTION].tolist()
+        (_source_at(own, "POSXY", time_us), _source_at(own, "VELXY", time_us))
         for time_us in (move.before_us - limits.MOVE_AFTER_US, move.after_us + limits.MOVE_SAID_US)
     )
     if first == second or NOT_KNOWN in (*first, *second):
@@ -267,12 +263,12 @@ def _move_text(move: Move) -> str:
     """Return how far a move went in each way that counts, with the places before and after; "" if in none."""
     parts = []
     (north, east, down, yaw), (north_after, east_after, down_after, yaw_after) = move.before, move.after
-    if move.level_m > limits.MOVE_M:
+    if move.level_m > MOVED_M:
         places = f"from ({_m(north)}, {_m(east)}) to ({_m(north_after)}, {_m(east_after)}) m north and east"
         parts.append(f"{move.level_m:.1f} m horizontally, {places}")
-    if abs(move.down_m) > limits.MOVE_M:
+    if abs(move.down_m) > MOVED_M:
         parts.append(f"{abs(move.down_m):.1f} m in height, from {_m(-down)} to {_m(-down_after)} m")
-    if math.isfinite(move.yaw_deg) and abs(move.yaw_deg) > limits.MOVE_YAW_DEG:
+    if math.isfinite(move.yaw_deg) and abs(move.yaw_deg) > TURNED_DEG:
         parts.append(f"{abs(move.yaw_deg):.0f} deg in yaw, from {yaw:.0f} to {yaw_after:.0f} deg")
     return " and ".join(parts)
 
@@ -299,8 +295,8 @@ def estimate_jumped(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.vehicle.own_filter
     if own is None or not evidence.is_concerned:
         return
-    told = [(move, _move_text(move)) for move in evidence.vehicle.moves]
-    moves = sorted((one for one in told if one[1]), key=lambda one: -_size(one[0]))
+    described = [(move, _move_text(move)) for move in evidence.vehicle.moves]
+    moves = sorted((one for one in described if one[1]), key=lambda one: -_size(one[0]))
     for move, text in sorted(moves[:_MOST_MOVES], key=lambda one: one[0].after_us):
         reason, armed = _reason(evidence, move), _is_armed(own, move.after_us)
         is_large = move.level_m > limits.MOVE_FAR_M or abs(move.down_m) > limits.MOVE_FAR_M

@@ -431,14 +431,8 @@ FEWEST_FIXES: Final = 10
 GPS_COARSE_M: Final = 0.5
 """Accuracies below this are as good as those of external navigation."""
 
-MOVE_M: Final = 0.5
-"""A smaller step is lost in the noise of a flight."""
-
 MOVE_FAR_M: Final = 1.0
 """A step that pulls a vehicle out of its place."""
-
-MOVE_YAW_DEG: Final = 10.0
-"""A smaller step of the yaw is a correction."""
 
 MOVE_DEG_OF_M: Final = 20.0
 """As many degrees of a step of the yaw count as a metre of a step of the position."""

@@ -65,9 +65,8 @@ def length_unit(evidence: Evidence) -> Iterator[Sighting]:
 
 def _beyond_vehicle(evidence: Evidence, poses: Poses) -> str | None:
     """Return how a path is faster, or bends harder, than a vehicle can that leans as this one; None if it does not."""
-    attitude = evidence.vehicle.best_attitude
-    speed = float(np.quantile(_speeds(poses), 0.75)) if len(_speeds(poses)) >= FEWEST_MESSAGES else 0.0
-    bend = _acceleration(poses)
+    attitude, speeds, bend = evidence.vehicle.best_attitude, _speeds(poses), _acceleration(poses)
+    speed = float(np.quantile(speeds, 0.75)) if len(speeds) >= FEWEST_MESSAGES else 0.0
     if bend > limits.HARDEST_M_S2:
         return f"the path changes its velocity by {bend:.0f} m/s in a second: {_in_units(speed)}"
     if attitude is None or not evidence.vehicle.is_copter:

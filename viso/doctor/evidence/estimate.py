@@ -3,19 +3,13 @@
 """Where the vehicle's own estimate moved at once, and where its origin and its GPS were."""
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from ap_core.dataflash_columns import LogColumns
-from mav_handlers.wire.messages import (
-    GPS_GLOBAL_ORIGIN,
-    GPS_RAW_INT,
-    LOCAL_POSITION_NED,
-    Message,
-)
+from mav_handlers.wire.messages import GPS_GLOBAL_ORIGIN, GPS_RAW_INT, LOCAL_POSITION_NED, Message
 from viso.doctor.evidence.tracks import Floats, Ints
 from viso.logs.filter_records import FilterRecords, rows_of
 from viso.logs.vehicle_log import ORGN_EKF
@@ -23,6 +17,7 @@ from viso.logs.vehicle_log import ORGN_EKF
 MOVED_M: Final = 0.5
 """A smaller step of a position is no move: a correction by samples is spread over several records."""
 TURNED_DEG: Final = 10.0
+"""A smaller step of the yaw is a correction."""
 _ACCELERATION_M_S2: Final = 15.0
 _TURN_DEG_S: Final = 360.0
 _LONGEST_STEP_S: Final = 0.6
@@ -205,10 +200,4 @@ class EstimateListener:
 
 
 def _at_arrival(move: Move, arrived_us: dict[int, int]) -> Move:
-    times = arrived_us[move.before_us], arrived_us[move.after_us]
-    return Move(*times, move.before, move.after, move.level_m, move.down_m, move.yaw_deg)
-
-
-def texts_of(texts: Iterable[tuple[int, str]], *endings: str) -> list[int]:
-    """Return when texts with some endings came."""
-    return [time_us for time_us, text in texts if text.endswith(endings)]
+    return replace(move, before_us=arrived_us[move.before_us], after_us=arrived_us[move.after_us])
