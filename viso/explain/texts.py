@@ -796,6 +796,8 @@ OTHERS: Final = (
     Text("Param write denied ({STAT_RUNTIME})", "this parameter is the autopilot's own", "its name", "nothing"),
     Text("GPS 1: specified as MAV", "GPS1_TYPE is 14: GPS_INPUT is awaited", "nothing", "nothing"),
     Text("GPS 1: detected MAV", "the first GPS_INPUT came", "nothing", "nothing"),
+    Text("GPS 1: probing for u-blox at 230400 baud", "a receiver sends at this speed", "nothing", "nothing"),
+    Text("GPS 1: detected u-blox", "the receiver's first solution came", "nothing", "nothing"),
     Text(
         "DDS: Received tf2_msgs/TFMessage: TF is empty",
         "a message on /ap/tf held no transform",

@@ -105,6 +105,7 @@ def _further(firmware: Firmware) -> Iterator[str]:
     further = ("AHRS_", firmware.params.more_ahrs), ("STAT", firmware.params.more_stat), ("FLOW", flow)
     for prefix, rows in (*further, ("SIM_VICON_", camera)):
         yield from (prefix + row.name for row in rows)
+    yield firmware.params.simulated_gps_prefix + firmware.params.simulated_gps[0].name
 
 
 _LIBRARY, _ENDPOINT, _SENSORS, _FILTER, _VEHICLE = "AP_VisualOdom", "MAVLink", "AP_OpticalFlow", "EKF3", "Copter"

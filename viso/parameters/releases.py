@@ -80,6 +80,7 @@ class ParameterRelease:
         range_unit: in what that is.
         flying: how the vehicle flies.
         vicon: the group of the simulator's own camera.
+        simulated_gps_prefix, simulated_gps: that of its GPS.
         failsafe: top-level entries that follow the ARMING_ group.
     """
 
@@ -100,6 +101,8 @@ class ParameterRelease:
     range_unit: RangeUnit = _METRES
     flying: FlyingParameters = flying.IN_CENTIMETRES
     vicon: Sequence[ParamInfo] = sensors.VICON
+    simulated_gps_prefix: str = "SIM_GPS1_"
+    simulated_gps: Sequence[ParamInfo] = sensors.SIMULATED_GPS
     failsafe: Sequence[ParamInfo] = copter.FAILSAFE
 
 
@@ -264,6 +267,8 @@ STABLE_4_6: Final = ParameterRelease(
     range_finder=sensors.RANGE_FINDER_IN_CM,
     range_unit=_CENTIMETRES,
     vicon=sensors.VICON_IN_4_6,
+    simulated_gps_prefix="SIM_GPS_",
+    simulated_gps=sensors.SIMULATED_GPS_IN_4_6,
     failsafe=copter.FAILSAFE_IN_4_6,
 )
 

@@ -44,8 +44,10 @@ def _compass_use(name: str, which: str) -> ParamInfo:
     return ParamInfo(name, INT8, 1, f"Use the {which} compass for yaw", values=_OFF_ON)
 
 
-def _enabling(name: str, default: int, text: str, values: Mapping[int, str]) -> ParamInfo:
-    return ParamInfo(name, INT8, default, text, "", None, values, ParamFlag.ENABLE, reboot_required=True)
+def _enabling(
+    name: str, default: int, text: str, values: Mapping[int, str], *, reboot_required: bool = True
+) -> ParamInfo:
+    return ParamInfo(name, INT8, default, text, "", None, values, ParamFlag.ENABLE, reboot_required=reboot_required)
 
 
 COMPASS: Final = (
@@ -149,6 +151,32 @@ FLOW_WITH_OPTIONS: Final = (
     ParamInfo("_OPTIONS", INT16, 0, "Bits: 0 roll and pitch of the sensor are stabilised, as on a gimbal"),
 )
 """Since 2025-07-22."""
+
+
+def _simulated_gps(enabling: ParamInfo, glitch: str, lock_time: str, drift: str) -> tuple[ParamInfo, ...]:
+    return (
+        enabling,
+        ParamInfo("LAG_MS", INT16, 100, "How old solutions are when they come", "ms"),
+        ParamInfo("NUMSATS", INT8, 10, "How many satellites it has"),
+        ParamInfo(glitch, VECTOR3F, _ZERO, "Added to latitude and longitude in degrees, and to the height in m"),
+        ParamInfo("HZ", INT8, 5, "How often a solution comes", "Hz"),
+        ParamInfo(drift, FLOAT, 0.0, "Amplitude of a drift of the height, of a period of 5 minutes", "m"),
+        ParamInfo("NOISE", FLOAT, 0.0, "Amplitude of an error of the height, of a period of 13 s", "m"),
+        ParamInfo(lock_time, INT16, 0, "It has no fix until so long after boot", "s"),
+        ParamInfo("ALT_OFS", INT16, 0, "Added to the height", "m"),
+        ParamInfo("ACC", FLOAT, 0.3, "Accuracy of its positions, as it reports", "m"),
+        ParamInfo("VERR", VECTOR3F, _ZERO, "Largest random error of the velocity, north, east, down", "m/s"),
+    )
+
+
+# The simulator's own GPS (SITL/SIM_GPS.cpp), which ``viso serve --imu fly`` has with GPS1_TYPE 1.
+SIMULATED_GPS_IN_4_6: Final = _simulated_gps(
+    ParamInfo("DISABLE", INT8, 0, "It has no fix", values={0: "No", 1: "Yes"}), "GLITCH", "LOCKTIME", "DRIFTALT"
+)
+SIMULATED_GPS: Final = _simulated_gps(
+    _enabling("ENABLE", 1, "It has a fix", {0: "No", 1: "Yes"}, reboot_required=False), "GLTCH", "LCKTIME", "DRFTALT"
+)
+"""Since 2025."""
 
 # The simulator's own camera (SITL/SIM_Vicon.cpp): ``viso serve --imu fly --vision vicon``.
 VICON_IN_4_6: Final = (

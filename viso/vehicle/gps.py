@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The vehicle's one GPS, which GPS_INPUT messages feed (AP_GPS/AP_GPS.cpp)."""
+"""The vehicle's one GPS, which GPS_INPUT messages feed, or the simulator's receiver (AP_GPS/AP_GPS.cpp)."""
 
 from collections.abc import Callable
 from typing import Final
@@ -16,6 +16,7 @@ from ekf_stub.inputs.measurements import FIX_3D, USUAL_LAG_S, GpsSample
 from mav_handlers.wire.messages import GPS_INPUT
 from viso.firmware.log_releases import GPA, GPS
 from viso.vehicle.gps_driver import MS_PER_WEEK, UNKNOWN_DOP, GpsState, MavlinkGpsDriver
+from viso.vehicle.simulated_gps import SimulatedGps, UbloxDriver
 
 GPS_TYPE_NONE: Final = 0
 GPS_TYPE_AUTO: Final = 1
@@ -26,8 +27,6 @@ FIX_2D: Final = 2
 GPS_PERIOD_US: Final = 20_000
 GPS_TIMEOUT_MS: Final = 4000
 MASK_LOG_GPS: Final = 1 << 2
-SPECIFIED_TEXT: Final = "GPS 1: specified as MAV"
-DETECTED_TEXT: Final = "GPS 1: detected MAV"
 
 _MAV_SEVERITY_INFO: Final = 6
 _LAG_S_WITHOUT_DRIVER: Final = {GPS_TYPE_NONE: 0.0, GPS_TYPE_AUTO: 0.1}
@@ -40,11 +39,11 @@ _NO_ELLIPSOID_HEIGHT: Final = -(1 << 31)
 _UNIX_TIME_OF_GPS_WEEK_0_MS: Final = 315_964_800_000 - 18_000  # with the leap seconds since
 
 
-class MavlinkGps:
+class Gps:
     """The GPS: finds its driver, checks how regular its solutions are, logs them and sets the time of day.
 
-    There is a driver for GPS1_TYPE 14 only; whatever else that asks for has no receiver attached. ``set_utc_us`` takes
-    the time of day, since 1970.
+    GPS1_TYPE 14 takes messages, 1 a vehicle's own receiver if it has one; whatever else that asks for has no receiver
+    attached. ``set_utc_us`` takes the time of day, since 1970.
     """
 
     def __init__(
@@ -54,6 +53,7 @@ class MavlinkGps:
         texts: TextSink,
         logger: RecordSink,
         set_utc_us: Callable[[int], None],
+        receiver: SimulatedGps | None = None,
     ) -> None:
         self._clock = clock
         self._params = params
@@ -61,7 +61,8 @@ class MavlinkGps:
         self._texts = texts
         self._logger = logger
         self._set_utc_us = set_utc_us
-        self._driver: MavlinkGpsDriver | None = None
+        self._receiver = receiver
+        self._driver: MavlinkGpsDriver | UbloxDriver | None = None
         self._state = GpsState()
         self._last_fix_ms = 0
         self._last_message_ms = 0
@@ -71,13 +72,13 @@ class MavlinkGps:
         self._sample: GpsSample | None = None  # as long as nothing has changed
 
     @property
-    def has_driver(self) -> bool:
-        """Return whether there is a driver that takes messages."""
-        return self._driver is not None and self._type() != GPS_TYPE_NONE
+    def introduction(self) -> str | None:
+        """Return the text with which a log begins; None without a driver."""
+        return None if self._driver is None or self._type() == GPS_TYPE_NONE else self._driver.introduction
 
     def take(self, packet: GPS_INPUT) -> bool:
         """Give a message to the driver; return whether there is one (AP_GPS::handle_msg)."""
-        if self._driver is None or self._type() == GPS_TYPE_NONE:
+        if not isinstance(self._driver, MavlinkGpsDriver) or self._type() == GPS_TYPE_NONE:
             return False
         self._driver.handle(packet, self._state, self._clock.millis())
         self._sample = None
@@ -85,7 +86,7 @@ class MavlinkGps:
 
     def sample(self) -> GpsSample | None:
         """Return the newest solution, or None without a driver."""
-        if self._driver is None or not self.has_driver:
+        if self._driver is None or self._type() == GPS_TYPE_NONE:
             return None
         if self._sample is None:
             self._sample = self._make_sample()
@@ -97,7 +98,8 @@ class MavlinkGps:
         FIRMWARE PARITY: of a receiver that has to be configured first, and is not, the firmware does not know this, and
         its estimator waits; here such a receiver counts as configured.
         """
-        return _LAG_S_WITHOUT_DRIVER.get(self._type(), USUAL_LAG_S) if self._driver is None else USUAL_LAG_S
+        without = _LAG_S_WITHOUT_DRIVER.get(self._type(), USUAL_LAG_S)
+        return without if self._driver is None else self._driver.lag_s
 
     def _make_sample(self) -> GpsSample:
         state = self._state
@@ -116,6 +118,7 @@ class MavlinkGps:
             yaw_deg=_wide(state.yaw_deg),
             last_fix_ms=self._last_fix_ms,
             is_healthy=self._healthy(),
+            lag_s=self.lag_s(),
         )
 
     def _healthy(self) -> bool:
@@ -138,7 +141,7 @@ class MavlinkGps:
         if self._type() == GPS_TYPE_NONE:
             return NEVER if self._state.status == NO_GPS else 0
         if self._driver is None:
-            return 0 if self._type() == GPS_TYPE_MAV else NEVER
+            return 0 if self._type() == GPS_TYPE_MAV or self._has_receiver() else NEVER
         if self._driver.has_news or self._state.status >= FIX_3D:  # which tells the time
             return 0
         now_us = self._clock.micros64()
@@ -146,19 +149,25 @@ class MavlinkGps:
         return (now_us // 1000 + max(0, GPS_TIMEOUT_MS + 1 - silent_ms)) * 1000
 
     def _detect(self) -> None:
-        if self._type() != GPS_TYPE_MAV:
+        if self._receiver is not None and self._has_receiver() and self._receiver.is_found(self._clock.micros64()):
+            self._driver = UbloxDriver(self._receiver, self._state)
+        elif self._type() == GPS_TYPE_MAV:
+            self._driver = MavlinkGpsDriver()
+        else:
             return
-        self._driver = MavlinkGpsDriver()
         self._sample = None
         self._state.status = NO_FIX
         self._last_message_ms = self._clock.millis()
         self._delta_ms = GPS_TIMEOUT_MS
-        self._texts.send_text(_MAV_SEVERITY_INFO, SPECIFIED_TEXT)
+        self._texts.send_text(_MAV_SEVERITY_INFO, self._driver.introduction)
 
-    def _update_instance(self, driver: MavlinkGpsDriver) -> None:
+    def _has_receiver(self) -> bool:
+        return self._receiver is not None and self._type() == GPS_TYPE_AUTO
+
+    def _update_instance(self, driver: MavlinkGpsDriver | UbloxDriver) -> None:
         now_ms = self._clock.millis()
-        if driver.read():
-            self._take_news(now_ms)
+        if driver.read(now_ms):
+            self._take_news(driver, now_ms)
         elif u32(now_ms - self._last_message_ms) > GPS_TIMEOUT_MS:
             self._time_out(now_ms)
         else:
@@ -170,21 +179,21 @@ class MavlinkGps:
             self._log()
         self._set_time_of_day()
 
-    def _take_news(self, now_ms: int) -> None:
+    def _take_news(self, driver: MavlinkGpsDriver | UbloxDriver, now_ms: int) -> None:
         state = self._state
         if state.corrected_ms_updated:
             state.corrected_ms_updated = False
             now_ms = state.corrected_ms
         if not state.announced:
             state.announced = True
-            self._texts.send_text(_MAV_SEVERITY_INFO, DETECTED_TEXT)
+            self._texts.send_text(_MAV_SEVERITY_INFO, driver.detected)
         self._delta_ms = u16(now_ms - self._last_message_ms)
         self._last_message_ms = now_ms
         if state.status >= FIX_2D:
             self._last_fix_ms = now_ms
 
     def _time_out(self, now_ms: int) -> None:
-        # A silent MAVLink GPS remains, without a fix.
+        # A silent MAVLink GPS remains, without a fix; any other is looked for again.
         self._state = GpsState()
         self._last_message_ms = now_ms
         self._delta_ms = GPS_TIMEOUT_MS

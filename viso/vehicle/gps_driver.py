@@ -12,7 +12,7 @@ from ap_core.cint import int_of_float, u16, u32
 from ap_core.fmath import atan2f, degrees, f32, norm3, wrap_360
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.measurements import FIX_3D
+from ekf_stub.inputs.measurements import FIX_3D, USUAL_LAG_S
 from mav_handlers.jitter_correction import JitterCorrection
 from mav_handlers.wire.messages import GPS_INPUT
 
@@ -71,12 +71,16 @@ class MavlinkGpsDriver:
     ``has_news`` says whether there are some of which ``read`` has not told.
     """
 
+    lag_s = USUAL_LAG_S
+    introduction = "GPS 1: specified as MAV"
+    detected = "GPS 1: detected MAV"
+
     def __init__(self) -> None:
         self.has_news = False
         self._first_week = 0
         self._jitter = JitterCorrection(MAX_LAG_MS)
 
-    def read(self) -> bool:
+    def read(self, now_ms: int) -> bool:
         """Tell, once, that there is new data (AP_GPS_MAV::read)."""
         new_data, self.has_news = self.has_news, False
         return new_data

@@ -47,11 +47,12 @@ from viso.vehicle.copter.origin import Origin
 from viso.vehicle.copter.switches import SWITCH_PERIOD_US
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
 from viso.vehicle.ftp import UartCounts, UartsText, VehicleFiles
-from viso.vehicle.gps import GPS_PERIOD_US, SPECIFIED_TEXT, MavlinkGps
+from viso.vehicle.gps import GPS_PERIOD_US, Gps
 from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, MavlinkRanges
 from viso.vehicle.rtc import Rtc, RtcSource
 from viso.vehicle.sensors.flight import Event, Happening
 from viso.vehicle.sensors.source import HOME, ImuOptions, VehicleSource
+from viso.vehicle.simulated_gps import SimulatedGps
 from viso.vehicle.tasks import Task, always_idle, next_due_us
 from viso.vehicle.vicon import Vicon
 
@@ -148,7 +149,7 @@ class Vehicle:
         )
         self.visual_odom.init()
         self._camera_frames = FromParams(self.params, self._make_camera_frames)
-        self.gps = MavlinkGps(self.clock, self.params, self.texts, self.logger, self._take_gps_time)
+        self.gps = Gps(self.clock, self.params, self.texts, self.logger, self._take_gps_time, self._make_receiver())
         self.flow = MavlinkFlow(
             self.clock, self.params, self.ahrs, self.logger, reads_rates=config.firmware.reads_flow_rates
         )
@@ -329,6 +330,10 @@ class Vehicle:
         self.log.statistics(self.endpoint.channels)
         self._keep_parameters()
 
+    def _make_receiver(self) -> SimulatedGps | None:
+        airframe, params = self.source.airframe, self.params.group(self.firmware.params.simulated_gps_prefix)
+        return None if airframe is None else SimulatedGps(airframe, self.source, params, self._config.boot_utc_us)
+
     def _make_vicon(self) -> Vicon:
         if self.source.airframe is None:
             raise ValueError("the simulator's own camera sees a vehicle that flies alone")
@@ -379,8 +384,8 @@ class Vehicle:
         for kind, place in ((ORGN_EKF, self.ahrs.origin()), (ORGN_HOME, self.copter.home.place)):
             if place is not None:
                 self.log.place(kind, place)
-        if self.gps.has_driver:
-            self.log.text(SPECIFIED_TEXT)
+        if self.gps.introduction is not None:
+            self.log.text(self.gps.introduction)
 
     # Messages, and the end
 

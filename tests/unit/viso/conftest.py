@@ -335,7 +335,7 @@ class CopterRig:
         self.vehicle.firmware = firmware
 
     def sample(self) -> GpsSample | None:
-        """Return the newest solution (MavlinkGps)."""
+        """Return the newest solution (Gps)."""
         return self.gps
 
     def pause(self) -> None:

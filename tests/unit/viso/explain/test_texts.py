@@ -16,6 +16,8 @@ from viso.explain.texts import IN_FLIGHT, all_texts, texts_like
 from viso.firmware.releases import PROFILES
 from viso.parameters.left_out import left_out
 from viso.vehicle.copter import modes
+from viso.vehicle.gps_driver import MavlinkGpsDriver
+from viso.vehicle.simulated_gps import UbloxDriver
 
 SENDING = ("send_text", "send_text_to", "_send_text", "_send_text_to")
 FUNCTIONS = {  # which send a text that they are given, and its place among their arguments
@@ -30,6 +32,8 @@ MADE_ELSEWHERE = {
     "over if is_over else lost": "variance_texts of each release, below",
     "line": "the banner, and what is left out, below",
     "_TEXTS[mode.number]": "the table of modes, below",
+    "self._driver.introduction": "of each driver of a GPS, below",
+    "driver.detected": "likewise",
     "text": "an argument of a function that sends it",
     "f'{prefix}: {failure}'": "the texts against arming, which tests/docs/test_arming_page.py goes through",
 }
@@ -83,6 +87,11 @@ def test_what_is_put_together_elsewhere_is_known() -> None:
     others = {ast.unparse(node) for _, node in SENT if not is_text(node)}
     assert others <= set(MADE_ELSEWHERE)
     assert len({pattern_of(node) for _, node in SENT if is_text(node)}) > 40
+
+
+@pytest.mark.parametrize("driver", [MavlinkGpsDriver, UbloxDriver])
+def test_texts_of_drivers_of_a_gps_stand_in_the_index(driver: type[MavlinkGpsDriver | UbloxDriver]) -> None:
+    assert {driver.introduction, driver.detected} <= set(SHOWN)
 
 
 def the_filters() -> list[str]:

@@ -25,6 +25,8 @@ ONE_ROW = {
     "params.flow_limit": "ekf.flow_limit",
     "params.flow": "params.more_ahrs",
     "params.vicon": "params.more_ahrs",
+    "params.simulated_gps": "params.more_ahrs",
+    "params.simulated_gps_prefix": "params.more_ahrs",
     "params.range_finder": "params.range_unit",
     "params.failsafe": "reports_ekf_failure",
     "log.message_head": "log.message",

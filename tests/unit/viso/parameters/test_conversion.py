@@ -107,7 +107,7 @@ def test_every_name_of_a_release_is_known_in_every_other() -> None:
         values = {param.name: float(param.default) for param in tables[one.name] if not param.name.startswith("MAV")}
         for other in PROFILES.values():
             unknown = {name for name in carried(values, other).values if tables[other.name].find(name) is None}
-            gone = {name for name in unknown if not name.startswith(("AHRS_ORIGIN", "STAT_", "SIM_VICON"))}
+            gone = {name for name in unknown if not name.startswith(("AHRS_ORIGIN", "STAT_", "SIM_"))}
             assert gone == set(), (one.name, other.name)
 
 

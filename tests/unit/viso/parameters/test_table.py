@@ -25,7 +25,7 @@ VISO = (ParamInfo("_TYPE", ParamType.INT8, 0, "backend"),)
 
 SET_BY_FILES = r"""(?x)
     FLTMODE[1-5] | FRAME_TYPE | COMPASS_OFS[23]?_[XYZ] | INS_ACCOFFS_[XYZ] | BATT_MONITOR | RC\d+_(MIN|MAX)
-    | RC7_OPTION | GPS1_TYPE | EK3_SRC1_(POSXY|VELXY|VELZ) | VISO_(TYPE|DELAY_MS) | LOG_REPLAY
+    | RC7_OPTION | GPS1_TYPE | EK3_SRC1_(POSXY|VELXY|VELZ) | VISO_(TYPE|DELAY_MS) | LOG_REPLAY | SIM_GPS1_ENABLE
 """
 """What the simulator's file of defaults, and that of the recording, set otherwise than the firmware."""
 
@@ -203,6 +203,7 @@ def recorded_table() -> ParamTable:
     """Return the parameters of a vehicle with a camera and as many links as the recorded one had."""
     table = ParamTable(make_groups(LINKS_OF_THE_LOG, make_params(), JULY_2025))
     table.set("VISO_TYPE", 2)
+    table.set("SIM_GPS1_ENABLE", 0)
     return table
 
 

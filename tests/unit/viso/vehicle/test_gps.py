@@ -20,7 +20,7 @@ from ap_visualodom.ap_visualodom import make_params
 from mav_handlers.wire.messages import GPS_INPUT
 from viso.firmware.log_releases import GPA, GPS, OF
 from viso.parameters.table import make_groups
-from viso.vehicle.gps import MavlinkGps
+from viso.vehicle.gps import Gps
 
 if TYPE_CHECKING:
     from tests.unit.viso.conftest import Bench
@@ -47,7 +47,7 @@ class Rig:
         self.texts: list[str] = []
         self.records: list[tuple[LogStructure, dict[str, Any]]] = []
         self.told_us: list[int] = []
-        self.gps = MavlinkGps(self.clock, self.params, self, self, self.told_us.append)
+        self.gps = Gps(self.clock, self.params, self, self, self.told_us.append)
         self.clock.set_us(3_000_000)
         self.gps.update()
 

@@ -139,10 +139,10 @@ def test_speed_and_course_over_ground(north: float, east: float, speed: float, c
 
 def test_news_are_told_once() -> None:
     driver = MavlinkGpsDriver()
-    assert not driver.read()
+    assert not driver.read(0)
     driver.handle(FIRST, GpsState(), 5000)
-    assert driver.read()
-    assert not driver.read()
+    assert driver.read(0)
+    assert not driver.read(0)
 
 
 # Time
