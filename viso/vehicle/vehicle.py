@@ -191,7 +191,7 @@ class Vehicle:
             Task("copter", copter.update, idle_until_us=copter.idle_until_us),
             Task("internal errors", self._tell_internal_errors, idle_until_us=self._errors_idle_until_us),
             Task("ground", copter.expect_ground, THROTTLE_PERIOD_US, copter.ground_idle_until_us, boot_us),
-            Task("gps", gps.update, GPS_PERIOD_US, gps.idle_until_us, boot_us),
+            Task("gps", self._update_gps, GPS_PERIOD_US, gps.idle_until_us, boot_us),
             Task("flow", flow.update, FLOW_PERIOD_US, flow.idle_until_us, boot_us),
             Task("ranges", ranges.update, RANGE_PERIOD_US, ranges.idle_until_us, FIRST_RANGE_US),
             Task("disarming", copter.disarm_when_idle, _TENTH_US),
@@ -291,6 +291,13 @@ class Vehicle:
         if self.visual_odom.enabled() and self.ahrs.estimator_started():
             axes = self.sources.position_alignment(self.firmware.ekf)
             self.visual_odom.align_position_to_ahrs(*axes)
+
+    def _update_gps(self) -> None:
+        self.gps.update()
+        if not self.source.knows_declination and self.gps.sample() is not None:
+            place = self.ahrs.get_location()  # which is that of a fix, before there is an origin
+            if place is not None:
+                self.source.learn_declination(place)
 
     def _errors_idle_until_us(self) -> int:
         return NEVER if self.internal_errors.mask == self._internal_errors_told else 0

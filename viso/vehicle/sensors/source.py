@@ -67,6 +67,7 @@ class VehicleSource(SensorSource):
 
     Attributes:
         place: on earth, from which its positions count; its compass measures the field there.
+        knows_declination: its compass knows the declination of a place.
         airframe: what flies; None of a vehicle that nobody flies.
         flight: the flight of a log that is flown again; None of a vehicle that does something else.
         stands_for_ever: nothing can move it.
@@ -84,12 +85,17 @@ class VehicleSource(SensorSource):
         self._mag: tuple[int, Array] | None = None
         self.place = options.home or HOME
         self._declination = 0.0
+        self.knows_declination = False
 
     def stand_at(self, origin: Location) -> None:
         """Let the compass know the declination of the filter's origin, and stand there unless a home is given."""
-        self._declination = float(get_declination_rad(origin))
+        self.learn_declination(origin)
         if self._options.home is None and self.airframe is None:
             self.place = origin
+
+    def learn_declination(self, place: Location) -> None:
+        """Let the compass know the declination of a place (Compass::try_set_initial_location)."""
+        self.knows_declination, self._declination = True, float(get_declination_rad(place))
 
     def _read(self, now_us: int, height_m: float, quat: Quat) -> None:
         """Read the barometer, and the compass if there is one, of a vehicle with an attitude (body to NED)."""

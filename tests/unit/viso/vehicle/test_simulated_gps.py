@@ -194,7 +194,11 @@ def test_flight_by_gps_alone(tmp_path: "Path") -> None:
     golden = GoldenFiles(tmp_path, update=False)
     autopilot = Autopilot(AutopilotOptions(imu="fly", firmware="2025-07", params=BY_GPS), golden)
     vehicle = autopilot.vehicle
-    autopilot.advance(s=20.5)
+    assert not vehicle.source.knows_declination
+    autopilot.advance(s=11.0 - 1e-6 * autopilot.now_us)
+    assert vehicle.source.knows_declination  # by the first fix, as the recorded compass
+    assert vehicle.ahrs.origin() is None
+    autopilot.advance(s=10)
     assert vehicle.ahrs.origin() == vehicle.copter.home.place == HOME
     autopilot.takeoff(5)
     autopilot.goto(8, -6, 5)
