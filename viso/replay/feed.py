@@ -173,7 +173,8 @@ class Replay:
             again_us = time_us - SILENCE_END_US
             if self._vehicle.source.is_at_rest(again_us):
                 self._scheduler.pass_over(again_us)
-                self._silences_us.append((silent_us, time_us - silent_us))
+                if silent_us:  # from boot to the begin of the recording there is no gap
+                    self._silences_us.append((silent_us, time_us - silent_us))
         self._run_until(time_us)
 
     def _run_until(self, time_us: int) -> None:

@@ -202,9 +202,9 @@ def test_unknown_parameters_of_a_file_are_passed_over(
 ) -> None:
     capture.write_text(capture.read_text().partition("\n")[0])
     parm = tmp_path / "other.parm"
-    parm.write_text("RC9_MIN 1100\nVISO_TYPE 1\n")
+    parm.write_text("RC17_MIN 1100\nVISO_TYPE 1\n")
     assert viso("replay", capture, "--defaults", parm).code == 0
-    assert caplog.messages == [f"{parm}:1: unknown parameter, passed over: RC9_MIN"]
+    assert caplog.messages == [f"{parm}:1: unknown parameter, passed over: RC17_MIN"]
 
 
 def test_unknown_parameter_on_the_command_line_is_one_line(viso: Viso, capture: Path) -> None:

@@ -367,12 +367,18 @@ def test_health_runs_out_in_a_silence_that_is_passed_over(short_waits: None, mon
     assert healthy == [(0, True), (400_000, False), (102_500 + HOUR_US, True)]
 
 
+def test_time_before_a_recording_begins_is_no_gap(short_waits: None) -> None:
+    replay = Replay(Vehicle(VehicleConfig()), stream((HOUR_US, SAMPLE), shared=False), None)
+    list(replay.run())
+    assert replay.notes() == ()
+
+
 def test_several_silences_are_one_line(short_waits: None) -> None:
     recorded = stream((2_000_000, SAMPLE), (5_000_000, SAMPLE), (9_000_000, SAMPLE), shared=False)
     replay = Replay(Vehicle(VehicleConfig()), recorded, None)
     list(replay.run())
     (note,) = replay.notes()
-    assert note.startswith("test: gap of 4 s from 5.000 s on (3 gaps, 9 s in all; this is the longest): passed over ")
+    assert note.startswith("test: gap of 4 s from 5.000 s on (2 gaps, 7 s in all; this is the longest): passed over ")
 
 
 def test_silence_is_run_while_the_vehicle_moves(short_waits: None, monkeypatch: pytest.MonkeyPatch) -> None:
