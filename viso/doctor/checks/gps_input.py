@@ -63,7 +63,7 @@ def gps_input_without_velocity(evidence: Evidence) -> Iterator[Sighting]:
 @check(
     code="XN7-22",
     severity=Severity.ERROR,
-    title="GPS_INPUT that no GPS of the autopilot takes",
+    title="GPS_INPUT without a GPS of type 14",
     firmware="GPS_INPUT is read by a GPS whose type is 14 (MAVLink), and whose number is gps_id; all else is dropped.",
     source=f"AP_GPS.cpp, AP_GPS::handle_msg; {_HANDLER}",
     fix="Set GPS1_TYPE (before 4.6 GPS_TYPE) to 14, reboot, and send gps_id 0; or stop the sender.",
@@ -76,10 +76,14 @@ def gps_input_without_gps(evidence: Evidence) -> Iterator[Sighting]:
     ids = {message.gps_id for message in inputs}
     if any(kind is not None and kind[1] == _MAVLINK and number in ids for number, kind in enumerate(types)):
         return
+    told = f"{len(inputs)} GPS_INPUT with gps_id {', '.join(map(str, sorted(ids)))}"
     if types[0] is None or (types[1] is None and ids != {0}):
-        return  # not known
+        name = "GPS1_TYPE" if types[0] is None else "GPS2_TYPE"
+        text = f"{told}, and the recording does not tell {name}: whether the autopilot takes them is not known"
+        yield Sighting(text, severity=Severity.NOTE, fix=f"See that {name} is 14 (GPS_TYPE before 4.6, for gps_id 0).")
+        return
     shown = " and ".join(f"{kind[0]} is {kind[1]:.0f}" for kind in types if kind is not None)
-    yield Sighting(f"{len(inputs)} GPS_INPUT with gps_id {', '.join(map(str, sorted(ids)))}, and {shown}")
+    yield Sighting(f"{told}, and {shown}")
 
 
 @check(

@@ -10,7 +10,7 @@ import pytest
 
 from mav_handlers.wire.messages import GPS_INPUT
 from tests.unit.viso.doctor.vehicles import GPS_ALONE, Said, beats, listed, recorded
-from viso.doctor import CHECKS, Finding, diagnose, gather
+from viso.doctor import CHECKS, Finding, Severity, diagnose, gather
 
 COMPANION: Final = 197
 BY_MAVLINK: Final = {**GPS_ALONE, "GPS1_TYPE": 14}
@@ -46,7 +46,6 @@ def test_velocity_that_is_left_out_is_fused_as_rest(tmp_path: Path, changes: dic
         ({}, BY_MAVLINK),
         ({"ignore_flags": 8}, {**BY_MAVLINK, "EK3_SRC1_VELXY": 0}),
         ({"gps_id": 1}, {**GPS_ALONE, "GPS1_TYPE": 1, "GPS2_TYPE": 14}),
-        ({"gps_id": 1}, {**GPS_ALONE, "GPS1_TYPE": 1}),
     ],
 )
 def test_input_in_order_gives_no_finding(tmp_path: Path, changes: dict[str, Any], params: Mapping[str, float]) -> None:
@@ -57,6 +56,13 @@ def test_gps_of_another_type_takes_nothing(tmp_path: Path) -> None:
     found = found_in(tmp_path, fixes(), {**GPS_ALONE, "GPS_TYPE": 1})
     assert "GPS_TYPE is 1" in found["XN7-22"].evidence
     assert "XN7-22" in found_in(tmp_path, fixes(gps_id=1), {**BY_MAVLINK, "GPS2_TYPE": 0})
+
+
+def test_type_that_is_not_known_is_said_to_be_so(tmp_path: Path) -> None:
+    for gps_id, params, name in ((0, {}, "GPS1_TYPE"), (1, {**GPS_ALONE, "GPS1_TYPE": 1}, "GPS2_TYPE")):
+        found = found_in(tmp_path, fixes(gps_id=gps_id), params)["XN7-22"]
+        assert found.severity is Severity.NOTE
+        assert f"does not tell {name}" in found.evidence
 
 
 def test_input_without_a_fix_is_named(tmp_path: Path) -> None:
