@@ -177,9 +177,10 @@ def viso_delay(evidence: Evidence) -> Iterator[Sighting]:
             continue
         track = compared.poses.track
         yield Sighting.in_track(
-            f"{track.sender}: against the vehicle's own attitude, poses are {delay.delay_ms:.0f} +- "
-            f"{delay.sigma_ms:.1f} ms older than their corrected stamps, {arrival.delay_ms:.0f} ms when they arrive "
-            f"(correlation {delay.correlation:.2f}); VISO_DELAY_MS is {setting:.0f}",
+            f"{track.sender}: against the vehicle's own attitude, poses are {_fitting_ms(compared)} ms old when the "
+            f"filter uses them ({delay.delay_ms:.0f} +- {delay.sigma_ms:.1f} ms since their corrected stamps, "
+            f"{arrival.delay_ms:.0f} ms since they arrived; correlation {delay.correlation:.2f}); VISO_DELAY_MS is "
+            f"{setting:.0f}",
             track,
             fix=_advice(compared),
         )
@@ -216,6 +217,15 @@ def growing_delay(evidence: Evidence) -> Iterator[Sighting]:
         )
 
 
+def _fitting_ms(compared: Comparison) -> int:
+    """Return the value of VISO_DELAY_MS that fits.
+
+    Corrected stamps are those of the quickest messages; what others lag is less than a step of the filter, or jitter.
+    """
+    since_stamp, since_arrival = compared.delay.viso_delay_ms or 0, compared.since_arrival.viso_delay_ms or 0
+    return min(since_arrival, since_stamp + _FILTER_STEP_MS)
+
+
 def _advice(compared: Comparison) -> str:
     since_stamp, since_arrival = compared.delay.viso_delay_ms or 0, compared.since_arrival.viso_delay_ms or 0
     if compared.transport_ms > limits.SAME_DELAY_MS:
@@ -224,4 +234,4 @@ def _advice(compared: Comparison) -> str:
             f"it is a wire as slow as its baud rate, for whose {compared.transport_ms:.0f} ms the autopilot allows by "
             f"itself. Then reboot. {_STAMPS}"
         )
-    return f"Set VISO_DELAY_MS to {since_stamp}, and reboot. {_STAMPS}"
+    return f"Set VISO_DELAY_MS to {_fitting_ms(compared)}, and reboot. {_STAMPS}"

@@ -11,7 +11,7 @@ from ekf_stub.inputs.measurements import Array, numbers_of
 from ekf_stub.inputs.sensors import Sensors
 from viso.vehicle.sensors.airframe import Airframe
 from viso.vehicle.sensors.motion import Moving, Truth
-from viso.vehicle.sensors.source import ImuOptions, VehicleSource
+from viso.vehicle.sensors.source import HOME, ImuOptions, VehicleSource
 
 
 class MovingSource(VehicleSource):
@@ -56,6 +56,7 @@ class FlyingSource(MovingSource):
     def __init__(self, options: ImuOptions) -> None:
         self.airframe = Airframe(options.heading_rad)
         super().__init__(options, self.airframe)
+        self.place = options.home or HOME
 
     def _shown(self, now_us: int) -> tuple[float, Quat]:
         state = self.airframe.state

@@ -5,6 +5,7 @@
 The reference reads both ten times per second, and its filter gets a reading in the next pass of the main loop.
 """
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
@@ -56,9 +57,14 @@ def last_reading_us(now_us: int) -> int | None:
     return reading_us if reading_us >= 0 else None
 
 
-def ideal_field(place: Location, quat: Quat) -> Array:
-    """Return the magnetic field at a place in mGauss, body (FRD), of an attitude, body to earth (NED)."""
-    north, east, down = (1e3 * float(part) for part in get_earth_field_ga(place).to_tuple())
+def ideal_field(place: Location | None, quat: Quat) -> Array:
+    """Return the magnetic field at a place in mGauss, body (FRD), of an attitude, body to earth (NED).
+
+    Without a place it is that of ``HOME``, turned to true north.
+    """
+    north, east, down = (1e3 * float(part) for part in get_earth_field_ga(place or HOME).to_tuple())
+    if place is None:
+        north, east = math.hypot(north, east), 0.0
     return to_single(to_body(quat, (north, east, down)))
 
 
@@ -66,7 +72,8 @@ class VehicleSource(SensorSource):
     """The sensors of a vehicle, and what else moves along with them.
 
     Attributes:
-        place: on earth, from which its positions count; its compass measures the field there.
+        place: on earth, from which its positions count; its compass measures the field there. None while nobody says
+            where a vehicle stands that nobody flies: its compass points to true north then.
         knows_declination: its compass knows the declination of a place.
         airframe: what flies; None of a vehicle that nobody flies.
         flight: the flight of a log that is flown again; None of a vehicle that does something else.
@@ -83,7 +90,7 @@ class VehicleSource(SensorSource):
         self._next_reading_us = 0
         self._baro: tuple[int, float] | None = None
         self._mag: tuple[int, Array] | None = None
-        self.place = options.home or HOME
+        self.place = options.home
         self._declination = 0.0
         self.knows_declination = False
 

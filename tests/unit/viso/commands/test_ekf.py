@@ -87,11 +87,12 @@ def records_of(path: Path, *kinds: str) -> list[Any]:
 @pytest.mark.slow
 def test_table_tells_figures_targets_and_marks(viso: Viso, short: Path, written: Path) -> None:
     outcome = viso(short, "-o", "new/out.BIN")
-    assert (outcome.code, outcome.err) == (0, "")
+    cut = "note: damaged: 17 bytes in 1 places are in no record (the log ends within this record)\n"
+    assert (outcome.code, outcome.err) == (0, cut)
     assert Path("new/out.BIN").read_bytes() == written.read_bytes()
     assert "voxl.BIN, core 0 (IMU 0): 15 records compared" in outcome.out
     rows = {cells[1].strip(): cells for line in outcome.out.splitlines() if len(cells := line.split("│")) > 4}
-    assert [cell.strip() for cell in rows["PN"][3:5]] == ["0.02 m rms, 0.12 m at worst", "ok"]
+    assert [cell.strip() for cell in rows["PN"][3:5]] == ["0.001 m", "ok"]
     assert rows["PN"][2].split()[1:3] == ["m", "rms,"]
     assert [cell.strip() for cell in rows["texts"][2:5]] == ["7 equal, within 0.000 s", "equal, within 0.25 s", "ok"]
     assert "aiding starts at 5.090 s, the log's at 5.090 s" in outcome.out

@@ -11,7 +11,7 @@ import numpy as np
 
 from ap_core.clock import NEVER
 from ap_core.dataflash_columns import LogColumns
-from ekf_stub.core.vectors import ONE, ZERO, add, conjugate, rotated, rotation_vector, times, turned
+from ekf_stub.core.vectors import ONE, ZERO, add, conjugate, rotated, times
 from ekf_stub.inputs.measurements import Array, GpsSample, ImuReading, InertialDelta
 from ekf_stub.inputs.sensors import Sensors
 from viso.errors import InputError
@@ -23,6 +23,7 @@ from viso.vehicle.sensors.flown.events import events_of
 from viso.vehicle.sensors.flown.imu_records import imu_records
 from viso.vehicle.sensors.flown.replay_records import replay_records
 from viso.vehicle.sensors.source import ImuOptions, VehicleSource
+from viso.vehicle.sensors.vectors import rotation_vector, turned
 
 READERS: Final[Mapping[Basis, Callable[[LogColumns, int], Flight | None]]] = MappingProxyType(
     {Basis.REPLAY: replay_records, Basis.IMU: imu_records, Basis.ESTIMATE: estimates}

@@ -10,11 +10,11 @@ from typing import Final
 
 import numpy as np
 
-from ekf_stub.core.vectors import Quat, scaled, turned
+from ekf_stub.core.vectors import Quat, scaled
 from ekf_stub.inputs.measurements import Array
 from viso.vehicle.sensors.stream.frame import Pose, StreamFrame
 from viso.vehicle.sensors.stream.imagined_vehicle import MAX_ACCEL, Movement
-from viso.vehicle.sensors.vectors import ZERO, Three, added, limited_length, rotation_between
+from viso.vehicle.sensors.vectors import ZERO, Three, added, limited_length, rotation_between, turned
 
 LONGEST_INTERVAL_S: Final = 0.3
 """An interval as long as this explains as much of a difference as any longer one."""

@@ -5,8 +5,8 @@
 from typing import Final, NamedTuple
 
 from ekf_stub.core.inertial import GRAVITY_MSS
-from ekf_stub.core.vectors import Quat, euler_of, quat_of_euler, turned
-from viso.vehicle.sensors.vectors import ZERO, Three, rotation_between, to_body
+from ekf_stub.core.vectors import Quat, euler_of, quat_of_euler
+from viso.vehicle.sensors.vectors import ZERO, Three, rotation_between, to_body, turned
 
 MAX_ACCEL: Final = 15.0
 MAX_JERK: Final = 150.0

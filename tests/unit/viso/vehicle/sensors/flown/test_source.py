@@ -274,7 +274,7 @@ def test_recording_of_the_firmware_is_played_whole() -> None:
 def test_log_that_tells_of_no_motion_is_refused(path: Path) -> None:
     with pytest.raises(InputError) as raised:
         play(path, [("ATT", (100_000, 0, 0, 0, 0, 0, 0, 3))], [("RFRH", (100_000, 0)), ("RFRF", (8, 1))])
-    assert str(raised.value) == f"{path}: no motion to fly: neither replay records, nor IMU, nor ATT with XKF1 or POS"
+    assert str(raised.value) == (f"{path}: too short to fly: 1 ATT, and 50 ATT with as many XKF1 or POS are the fewest")
 
 
 @pytest.mark.parametrize("data", [b"", b"not a log\n" * 20])
