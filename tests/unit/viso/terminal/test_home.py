@@ -67,7 +67,7 @@ def test_vehicle_that_flies_is_at_home_whatever_the_origin() -> None:
 
 def test_vehicle_on_the_bench_stands_at_the_origin_unless_it_has_a_home() -> None:
     without, there = BenchSource(ImuOptions()), BenchSource(ImuOptions(home=ZURICH))
-    assert without.place == HOME
+    assert without.place is None
     without.stand_at(ZURICH)
     there.stand_at(HOME)
     assert without.place == there.place == ZURICH
