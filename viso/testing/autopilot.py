@@ -217,7 +217,7 @@ class Autopilot:
         self._airframe()
         start_m, copter = self._height_m(), self.vehicle.copter
         if self.vehicle.ahrs.origin() is None:
-            home = self.vehicle.source.place
+            home = self.vehicle.source.home
             self._send_as_station(SET_GPS_GLOBAL_ORIGIN(1, home.lat, home.lng, 10 * home.alt_cm))
         self._command(_SET_MODE, 1.0, GUIDED)
         self._wait(lambda: copter.arming.pre_arm_checks(display=False), within_s, "readiness to arm")

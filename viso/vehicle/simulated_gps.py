@@ -16,7 +16,7 @@ from ap_core.param_group import ParamGroup
 from ap_core.vector3 import Vector3f
 from viso.vehicle.gps_driver import MS_PER_WEEK, GpsState
 from viso.vehicle.sensors.airframe import Airframe
-from viso.vehicle.sensors.source import HOME, VehicleSource
+from viso.vehicle.sensors.source import VehicleSource
 
 PROBING_US: Final = 7_320_000
 """So long the firmware tries the six speeds that it knows before the GPS's."""
@@ -122,7 +122,7 @@ class SimulatedGps:
     def _measure(self, now_ms: int) -> Solution:
         """Return what it measures now, with errors of height and velocity."""
         params, truth = self._params, self._airframe.truth()
-        place = (self._source.place or HOME).offset(Vector3f(*truth.pos_ned))
+        place = self._source.home.offset(Vector3f(*truth.pos_ned))
         errors = self._vector("VERR")
         pairs = zip(truth.vel_ned, errors, strict=True)
         vel_n, vel_e, vel_d = (speed + most * self._draw.uniform(-1.0, 1.0) for speed, most in pairs)

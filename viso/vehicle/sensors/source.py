@@ -94,6 +94,11 @@ class VehicleSource(SensorSource):
         self._declination = 0.0
         self.knows_declination = False
 
+    @property
+    def home(self) -> Location:
+        """Where its positions count from on earth; the simulator's home while nobody says so."""
+        return self.place or HOME
+
     def stand_at(self, origin: Location) -> None:
         """Let the compass know the declination of the filter's origin, and stand there unless a home is given."""
         self.learn_declination(origin)

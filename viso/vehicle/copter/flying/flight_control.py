@@ -27,7 +27,6 @@ from viso.vehicle.copter.landing import Landing
 from viso.vehicle.copter.modes import FlightModes, ModeNumber
 from viso.vehicle.copter.receiver import Receiver
 from viso.vehicle.sensors.airframe import MOTORS_OFF, Airframe, Demand
-from viso.vehicle.sensors.source import HOME
 from viso.vehicle.sensors.vectors import Three, yawed
 
 if TYPE_CHECKING:
@@ -140,7 +139,7 @@ class FlightControl:
         airframe = self._airframe
         truth, state = airframe.truth(), airframe.state
         acc_frd, rates_frd = airframe.felt()
-        place = (self._source.place or HOME).offset(Vector3f(*truth.pos_ned))
+        place = self._source.home.offset(Vector3f(*truth.pos_ned))
         return FlightTruth(place, truth.vel_ned, truth.quat_wxyz, state.rpy, acc_frd, rates_frd)
 
     def turn_to(self, yaw_rad: float, slew_rad_s: float, direction: int, *, is_relative: bool) -> None:
