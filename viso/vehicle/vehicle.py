@@ -19,7 +19,6 @@ from ap_core.clock import NEVER, VirtualClock, count_before
 from ap_core.internal_error import InternalErrors
 from ap_core.location import Location
 from ap_core.param import FromParams, ParamTable
-from ap_core.vector3 import Vector3f
 from ap_visualodom.ap_visualodom import AP_VisualOdom, make_params
 from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.estimator import announces_dcm, value_after_boot
@@ -51,7 +50,7 @@ from viso.vehicle.gps import GPS_PERIOD_US, Gps
 from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, MavlinkRanges
 from viso.vehicle.rtc import Rtc, RtcSource
 from viso.vehicle.sensors.flight import Event, Happening
-from viso.vehicle.sensors.source import HOME, ImuOptions, VehicleSource
+from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 from viso.vehicle.simulated_gps import SimulatedGps
 from viso.vehicle.tasks import Task, always_idle, next_due_us
 from viso.vehicle.vicon import Vicon
@@ -158,7 +157,6 @@ class Vehicle:
         self.origin = Origin(self)
         self.copter = Copter(self)
         self._last_location: Location | None = None
-        self._truth_from: Location | None = None
         self._internal_errors_told = 0
         self._kept_generation = 0
         self.reboot_requested = False
@@ -323,13 +321,10 @@ class Vehicle:
             self._log_truth()
 
     def _log_truth(self) -> None:
-        """Write where a simulated vehicle really is; an origin that comes later does not move it."""
-        if (airframe := self.source.airframe) is not None:
-            if self._truth_from is None:
-                self._truth_from = self.ahrs.origin() or HOME
-            truth = airframe.truth()
-            place = self._truth_from.offset(Vector3f(*truth.pos_ned))
-            self.log.simulated(place, airframe.state.rpy, truth.quat_wxyz)
+        """Write where a simulated vehicle really is, as SIMSTATE tells it."""
+        if self.copter.flight is not None:
+            truth = self.copter.flight.truth()
+            self.log.simulated(truth.place, truth.rpy_rad, truth.quat_wxyz)
 
     def _each_second(self) -> None:
         self.copter.arming.update()
