@@ -67,12 +67,15 @@ def get_mag_field_ef(latitude_deg: np.float32, longitude_deg: np.float32) -> Mag
 
 def get_earth_field_ga(place: Location) -> Vector3f:
     """Return the field at a place, Gauss, NED."""
-    field = get_mag_field_ef(f32(place.lat) * _DEGREES, f32(place.lng) * _DEGREES)
+    field = _field_at(place)
     down, east = field.inclination_deg * _DEG_TO_RAD, field.declination_deg * _DEG_TO_RAD
     return Matrix3f.from_euler(f32(0), -down, east) * Vector3f(field.intensity_gauss, 0, 0)
 
 
 def get_declination_rad(place: Location) -> np.float32:
     """Return the declination at a place in rad."""
-    field = get_mag_field_ef(f32(place.lat) * _DEGREES, f32(place.lng) * _DEGREES)
-    return field.declination_deg * _DEG_TO_RAD
+    return _field_at(place).declination_deg * _DEG_TO_RAD
+
+
+def _field_at(place: Location) -> MagField:
+    return get_mag_field_ef(f32(place.lat) * _DEGREES, f32(place.lng) * _DEGREES)

@@ -10,7 +10,6 @@ Source: AP_HAL/utility/ftoa_engine.cpp, AP_HAL/utility/print_vprintf.cpp.
 
 import math
 import struct
-from fractions import Fraction
 from typing import Final, NamedTuple
 
 _MOST_DIGITS: Final = 7
@@ -19,17 +18,18 @@ _PLACES: Final = 15
 """The decimal places of the integer that the mantissa is scaled to."""
 _MANTISSA_BITS: Final = 23
 _EXPONENT_BIAS: Final = 127
+_LARGEST_POWER: Final = 40  # of ten, beyond a float's
 _LARGEST: Final = 9999999.0
 """A number beyond is printed with an exponent."""
 
 
 def _scale(index: int) -> tuple[int, int]:
     """Return the factor of mantissas whose exponent is 8 times the index to 7 more, and the power of ten left over."""
-    wanted = Fraction(2) ** (8 * index + 7 - _EXPONENT_BIAS - _MANTISSA_BITS) * 10 ** (_PLACES - 1) * 2**8
-    power = math.floor(math.log10(wanted)) - 9
-    while wanted / Fraction(10) ** power >= 2**32:
-        power += 1
-    return math.floor(wanted / Fraction(10) ** power + Fraction(1, 2)), power
+    twos, power = 8 * index + 7 - _EXPONENT_BIAS - _MANTISSA_BITS + 8, -_LARGEST_POWER
+    above, below = 10 ** (_PLACES - 1 - power) * 2 ** max(twos, 0), 2 ** max(-twos, 0)
+    while above >= below << 32:
+        below, power = 10 * below, power + 1
+    return (2 * above + below) // (2 * below), power
 
 
 _SCALES: Final = [_scale(index) for index in range(32)]

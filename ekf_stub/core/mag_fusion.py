@@ -83,10 +83,7 @@ class MagFusion:
         return True
 
     def begin_step(self, forgets_body_field: bool) -> None:
-        """Limit the earth's field; give the fields their first variances, or the vehicle's new ones.
-
-        Before a prediction.
-        """
+        """Before a prediction, limit the earth's field, and give fields that begin or change their variances."""
         self._limit()
         if forgets_body_field:
             self._state.clear(BODY, STATES, self._variance())

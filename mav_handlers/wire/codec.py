@@ -197,10 +197,8 @@ class _Parser(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no types
         if not _is_sound(frame, known):
             return BadData(Defect.CRC, len(frame))
         if self.link_signing is not None:
-            sender, is_signed = (
-                (header.system_id, header.component_id),
-                header.version == 2 and bool(frame[2] & _SIGNED),
-            )
+            sender = header.system_id, header.component_id
+            is_signed = header.version == 2 and bool(frame[2] & _SIGNED)
             refusal = self.link_signing.refusal(frame, header.message_id, sender, is_signed=is_signed)
             if refusal is not None:
                 return BadData(refusal, len(frame))
