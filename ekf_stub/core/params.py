@@ -24,8 +24,8 @@ EXTNAV: Final = 6
 GSF: Final = 8  # of YAW
 
 _SETS: Final = 3
-_FUSE_ALL_VELOCITIES: Final = 1 << 0  # of EK3_SRC_OPTIONS
-_ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW: Final = 1 << 1
+FUSE_ALL_VELOCITIES: Final = 1 << 0  # of EK3_SRC_OPTIONS
+ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW: Final = 1 << 1
 SET_PER_CORE: Final = 1 << 3
 
 
@@ -213,7 +213,7 @@ class EkfSources:
         return self.active().yaw
 
     def _fuses_all_velocities(self) -> bool:
-        return self._all.options & _FUSE_ALL_VELOCITIES != 0
+        return self._all.options & FUSE_ALL_VELOCITIES != 0
 
     def uses_vel_xy(self, source: int) -> bool:
         """Return whether horizontal velocity is taken from a source (useVelXYSource)."""
@@ -267,7 +267,7 @@ class EkfSources:
         xy_is_allowed, z_is_allowed, xy_has, z_has = True, True, False, False
         for core in range(_SETS):
             one = self.of_core(core, release).active()
-            by_flow = one.vel_xy == OPTFLOW and self._all.options & _ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
+            by_flow = one.vel_xy == OPTFLOW and self._all.options & ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW != 0
             by_flow = by_flow and (release.aligns_source_in_use or one.pos_xy != EXTNAV)
             xy_is_allowed = xy_is_allowed and (one.pos_xy == GPS or one.pos_xy == BEACON or by_flow)
             z_is_allowed = z_is_allowed and one.pos_z in (BARO, RANGEFINDER, GPS, BEACON)

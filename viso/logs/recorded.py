@@ -183,9 +183,17 @@ def _gps_origin(log: LogColumns) -> tuple[float, Location] | None:
     """Return when the EKF took its origin from GPS, and the place; RSO3 tells of one that a client sets."""
     if log.counts.get("RSO3"):
         return None
+    if (origin := first_origin(log)) is None:
+        return None
+    time_us, lat_deg, lng_deg, alt_m = origin
+    return time_us, Location(round(lat_deg * 1e7), round(lng_deg * 1e7), round(alt_m * 100))
+
+
+def first_origin(log: LogColumns) -> tuple[float, float, float, float] | None:
+    """Return the first origin of the EKF in a log: time in us, latitude and longitude in deg, altitude in m."""
     for time_us, kind, lat_deg, lng_deg, alt_m in rows_of(log, "ORGN", "Type", "Lat", "Lng", "Alt"):
         if kind == ORGN_EKF and all(map(math.isfinite, (lat_deg, lng_deg, alt_m))):
-            return float(time_us), Location(round(lat_deg * 1e7), round(lng_deg * 1e7), round(alt_m * 100))
+            return float(time_us), lat_deg, lng_deg, alt_m
     return None
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamFlag, ParamInfo, ParamType
+from ekf_stub.core.params import FUSE_ALL_VELOCITIES
 from viso.parameters import copter, flying, sensors
 from viso.parameters.conversion import (
     Rename,
@@ -52,7 +53,6 @@ class RangeUnit(NamedTuple):
 
 _METRES: Final = RangeUnit("MIN", "MAX", "GNDCLR", np.float32(1), is_cm=False)
 _CENTIMETRES: Final = RangeUnit("MIN_CM", "MAX_CM", "GNDCLEAR", np.float32(0.01), is_cm=True)
-_FUSE_ALL_VELOCITIES: Final = 1 << 0  # of EK3_SRC_OPTIONS
 
 LinkGroups = Callable[[int], list[ParamGroup]]
 """Takes the number of links, returns the groups."""
@@ -263,7 +263,7 @@ STABLE_4_6: Final = ParameterRelease(
     copter.ARMING,
     "CHECK",
     checks_to_make,
-    source_options=_FUSE_ALL_VELOCITIES,
+    source_options=FUSE_ALL_VELOCITIES,
     range_finder=sensors.RANGE_FINDER_IN_CM,
     range_unit=_CENTIMETRES,
     vicon=sensors.VICON_IN_4_6,

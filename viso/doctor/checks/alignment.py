@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from ekf_stub.ahrs.sources import EXTNAV, SourceXY
+from ekf_stub.core.params import ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW
 from viso.doctor.checks import limits
 from viso.doctor.checks.beside_vehicle import ALIGNED, aligned_us, lasting
 from viso.doctor.checks.check import Severity, Sighting, check
@@ -23,7 +24,6 @@ from viso.doctor.evidence.vehicle_position import SOURCE_SETS
 from viso.geometry.rotation import euler_from_quats
 
 _ALIGN: Final = "AP_VisualOdom_IntelT265.cpp, AP_VisualOdom_IntelT265::align_yaw_to_ahrs"
-_ALIGNS_BY_FLOW: Final = 1 << 1  # of EK3_SRC_OPTIONS
 _BY_EXTNAV: Final = "is using external nav data"
 _YAW_BY_STREAM: Final = (
     "Rotate the stream's frame to north in the sender, if north matters, as beside a GPS; EK3_SRC1_YAW is 6 already, "
@@ -268,7 +268,7 @@ def switch_jumps(evidence: Evidence) -> Iterator[Sighting]:
     elif kind in ALIGNING_TYPES:
         by_flow = (0, SourceXY.OPTFLOW)
         flow = [n for n in others if (evidence.source("POSXY", n), evidence.source("VELXY", n)) == by_flow]
-        if flow and not _options(evidence) & _ALIGNS_BY_FLOW:
+        if flow and not _options(evidence) & ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW:
             yield Sighting(
                 f"VISO_TYPE is {kind}, source set {flow[0]} flies by optical flow, and EK3_SRC_OPTIONS is "
                 f"{_options(evidence)}",
@@ -307,9 +307,11 @@ def alignment_advice(evidence: Evidence) -> str:
     options, kind = _options(evidence), evidence.viso_type
     none = "" if kind in ALIGNING_TYPES else " Type 1 aligns nothing."
     aligning = f"VISO_TYPE 2 and 3 move the camera's position along while a GPS or beacons give the position.{none}"
-    if options & _ALIGNS_BY_FLOW:
+    if options & ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW:
         return f"{aligning} While optical flow does, EK3_SRC_OPTIONS {options} makes them do so, too."
-    fix = f"{aligning} For optical flow set EK3_SRC_OPTIONS {options | _ALIGNS_BY_FLOW} (with bit 1)."
+    fix = (
+        f"{aligning} For optical flow set EK3_SRC_OPTIONS {options | ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW} (with bit 1)."
+    )
     if evidence.set_up.firmware.ekf.aligns_source_in_use:
         fix += " On this release that moves a set of POSXY 6 and VELXY 5 along while it is in use: take VELXY 6 there."
     return fix
@@ -330,7 +332,7 @@ def moved_in_use(evidence: Evidence) -> Iterator[Sighting]:
     both = (EXTNAV, SourceXY.OPTFLOW)
     found = [n for n in SOURCE_SETS if (evidence.source("POSXY", n), evidence.source("VELXY", n)) == both]
     moves = evidence.set_up.firmware.ekf.aligns_source_in_use and evidence.viso_type in ALIGNING_TYPES
-    if found and moves and evidence.stream.poses and _options(evidence) & _ALIGNS_BY_FLOW:
+    if found and moves and evidence.stream.poses and _options(evidence) & ALIGN_EXTNAV_POS_WHEN_USING_OPTFLOW:
         yield Sighting(
             f"VISO_TYPE is {evidence.viso_type}, EK3_SRC_OPTIONS {_options(evidence)}, EK3_SRC{found[0]}_POSXY 6 "
             f"(ExtNav) and EK3_SRC{found[0]}_VELXY 5 (optical flow)"

@@ -52,10 +52,6 @@ def _source_at(own: OwnFilter | None, name: str, time_us: int) -> int:
     return int(own.sources[nearest, ROWS.index(name)])
 
 
-def _is_armed(own: OwnFilter | None, time_us: int) -> bool:
-    return own is not None and any(start <= time_us * 1e-6 <= end for start, end in own.armed or ())
-
-
 @check(
     code="XN7-31",
     severity=Severity.ERROR,
@@ -74,7 +70,12 @@ def _is_armed(own: OwnFilter | None, time_us: int) -> bool:
 )
 def origin_at_height(evidence: Evidence) -> Iterator[Sighting]:
     set_us, own = _origin_set_us(evidence), evidence.vehicle.own_filter
-    if set_us is None or evidence.viso_type == 0 or not _takes_height(evidence, set_us) or _is_armed(own, set_us):
+    if (
+        set_us is None
+        or evidence.viso_type == 0
+        or not _takes_height(evidence, set_us)
+        or (own is not None and own.was_armed(set_us))
+    ):
         return
     for poses in evidence.stream.poses:
         before = (poses.track.arrival_us < set_us) & (poses.track.arrival_us > set_us - limits.ORIGIN_NEAR_US)
@@ -298,7 +299,7 @@ def estimate_jumped(evidence: Evidence) -> Iterator[Sighting]:
     described = [(move, _move_text(move)) for move in evidence.vehicle.moves]
     moves = sorted((one for one in described if one[1]), key=lambda one: -_size(one[0]))
     for move, text in sorted(moves[:_MOST_MOVES], key=lambda one: one[0].after_us):
-        reason, armed = _reason(evidence, move), _is_armed(own, move.after_us)
+        reason, armed = _reason(evidence, move), own.was_armed(move.after_us)
         is_large = move.level_m > limits.MOVE_FAR_M or abs(move.down_m) > limits.MOVE_FAR_M
         severity = Severity.NOTE if not armed else reason.severity if is_large else Severity.WARNING
         yield Sighting(

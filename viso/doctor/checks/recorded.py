@@ -170,7 +170,7 @@ def sensor_unhealthy(evidence: Evidence) -> Iterator[Sighting]:
         text = f"SYS_STATUS: the vision sensor is unhealthy until {at(first_well_us)}, and healthy from then on"
         yield Sighting(text, start_us=int(times[0]), end_us=first_well_us, severity=Severity.NOTE)
         return
-    armed = sum(start <= time_us * 1e-6 <= end for time_us in later.tolist() for start, end in own.armed or ())
+    armed = sum(map(own.was_armed, later.tolist()))
     while_armed = f", {armed} of them armed" if armed else ""
     since = int((enabled & (vision.time_us >= first_well_us)).sum())
     much = len(later) > limits.UNHEALTHY_SHARE * since or armed > limits.RATIO_MUCH_SHARE * since
@@ -233,11 +233,7 @@ def cores_disagree(evidence: Evidence) -> Iterator[Sighting]:
     own = evidence.vehicle.own_filter
     if own is None:
         return
-    lanes = [
-        (time_us, core)
-        for time_us, core in own.lanes
-        if own.armed is None or any(start <= time_us * 1e-6 <= end for start, end in own.armed)
-    ]
+    lanes = [(time_us, core) for time_us, core in own.lanes if own.armed is None or own.was_armed(time_us)]
     if lanes:
         first_us, core = lanes[0]
         text = f"the autopilot changed its primary core {how_often(len(lanes))}, at {at(first_us)} to core {core}"

@@ -12,7 +12,7 @@ from ap_core.dataflash_columns import LogColumns
 from mav_handlers.wire.messages import GPS_GLOBAL_ORIGIN, GPS_RAW_INT, LOCAL_POSITION_NED, Message
 from viso.doctor.evidence.tracks import Floats, Ints
 from viso.logs.filter_records import FilterRecords, rows_of
-from viso.logs.vehicle_log import ORGN_EKF
+from viso.logs.recorded import first_origin
 
 MOVED_M: Final = 0.5
 """A smaller step of a position is no move: a correction by samples is spread over several records."""
@@ -128,10 +128,10 @@ def fixes_in(log: LogColumns) -> Fixes:
 
 def origin_in(log: LogColumns, fixes: Fixes) -> Origin | None:
     """Return the first origin of the EKF in a log."""
-    for time_us, kind, lat, lng, alt in rows_of(log, "ORGN", "Type", "Lat", "Lng", "Alt"):
-        if kind == ORGN_EKF and all(map(math.isfinite, (lat, lng, alt))):
-            return _origin(int(time_us), lat, lng, alt, fixes)
-    return None
+    if (origin := first_origin(log)) is None:
+        return None
+    time_us, lat_deg, lng_deg, alt_m = origin
+    return _origin(int(time_us), lat_deg, lng_deg, alt_m, fixes)
 
 
 def odometry_in(log: LogColumns) -> Floats:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from ekf_stub.ahrs.sources import EXTNAV, ROWS
+from ekf_stub.core.params import FUSE_ALL_VELOCITIES
 from mav_handlers.wire.messages import ODOMETRY
 from viso.doctor.evidence.compare import ALIGNING_TYPES, Comparison, PathComparison
 from viso.doctor.evidence.flow_fit import FlowFit
@@ -36,7 +37,6 @@ class HeightUse(NamedTuple):
 VISION_CHECK: Final = 1 << 18
 """The bit of visual odometry in ARMING_CHECK and ARMING_SKIPCHK."""
 
-_FUSE_ALL_VELOCITIES: Final = 1 << 0  # of EK3_SRC_OPTIONS
 _CHECKS: Final = "ARMING_CHECK"
 _SKIPPED_CHECKS: Final = "ARMING_SKIPCHK"
 
@@ -142,7 +142,7 @@ class Evidence:
     @property
     def velocities_of_other_sets(self) -> list[str]:
         """The velocity sources of sets 2 and 3 that are fused though set 1 names another, by EK3_SRC_OPTIONS."""
-        if not int(self.param("EK3_SRC_OPTIONS")) & _FUSE_ALL_VELOCITIES:
+        if not int(self.param("EK3_SRC_OPTIONS")) & FUSE_ALL_VELOCITIES:
             return []
         return [
             f"EK3_SRC{number}_{name}"

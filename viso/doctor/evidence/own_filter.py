@@ -261,6 +261,10 @@ class OwnFilter:
         """Return at which times a channel is known to have another source than external navigation."""
         return self._at(time_us, self.is_source_known(channel) & ~self.fed_by_extnav(channel))
 
+    def was_armed(self, time_us: int) -> bool:
+        """Return whether the vehicle is known to have been armed at a time."""
+        return any(start_s <= time_us * 1e-6 <= end_s for start_s, end_s in self.armed or ())
+
     def lost_itself(self, time_us: Ints) -> Bools:
         """Return at which times it rejected a height of another source: its attitude is no measure then."""
         return self._at(time_us, np.asarray((self.ratios[:, HEIGHT] > 1.0) & ~self.fed_by_extnav(HEIGHT), np.bool_))

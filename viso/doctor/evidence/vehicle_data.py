@@ -42,6 +42,7 @@ from viso.doctor.evidence.own_telemetry import FilterListener
 from viso.doctor.evidence.sender_clock import sender_clock
 from viso.doctor.evidence.tracks import STAMPED_TYPES, Bools, Floats, Ints, Sender, Track, stamp_of, timed, track_of
 from viso.doctor.evidence.vehicle_position import (
+    MAV_TYPE_SUBMARINE,
     LevelSeries,
     PositionListener,
     PositionSeries,
@@ -62,7 +63,6 @@ from viso.streams.stream import received_in
 from viso.streams.stream_kinds import Stream
 
 _COPTERS: Final = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: what moves by leaning
-_SUBMARINE: Final = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -285,7 +285,7 @@ class _Listener:
             truth=truth,
             is_simulated=truth is not None or is_of_simulator(first),
             is_copter=self._kinds.get(self.system_id) in _COPTERS,
-            is_submarine=self._kinds.get(self.system_id) == _SUBMARINE,
+            is_submarine=self._kinds.get(self.system_id) == MAV_TYPE_SUBMARINE,
             are_stamps_steady=are_steady,
             clock=boot_clock([row[:2] for row in self._attitudes.get(self.system_id, [])]),
             ground=self._ground.sensors(self.system_id, {**first, **given}, by_rate),

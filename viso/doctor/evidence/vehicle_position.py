@@ -53,7 +53,7 @@ _NOISE_M: Final[Mapping[str, float]] = {
 }
 _FILTER_NOISE_M: Final = 0.5
 _MM: Final = 1e-3
-_SUBMARINE: Final = 12  # MAV_TYPE: its first barometer is inside the hull
+MAV_TYPE_SUBMARINE: Final = 12  # MAV_TYPE: its first barometer is inside the hull
 _SIMULATED_M: Final = 0.05
 _BARO_M: Final = 1.5
 Place = tuple[float, float, float, float]
@@ -166,7 +166,7 @@ class PositionListener:
         elif isinstance(message, SIMSTATE):
             self._add("SIMSTATE", time_us, message.lat * 1e-7, message.lng * 1e-7, np.nan)
         elif isinstance(message, HEARTBEAT):
-            self._is_in_air = message.type != _SUBMARINE
+            self._is_in_air = message.type != MAV_TYPE_SUBMARINE
         elif isinstance(message, SCALED_PRESSURE) and self._is_in_air:
             self._levels["SCALED_PRESSURE"].append((time_us, message.press_abs))
         elif isinstance(message, VFR_HUD):
