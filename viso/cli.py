@@ -26,6 +26,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "serve": (
         "Run the autopilot: a vehicle that takes external navigation, estimates its state and answers as ArduCopter."
     ),
+    "sitl": "Stand in for the firmware's simulator of ArduCopter: the same command line, ports, lines and parameters.",
     "replay": "Feed a recorded stream to the autopilot at its arrival times, and report the outcome of each message.",
     "doctor": "Report what the autopilot would do with a stream of external navigation, and what to change.",
     "explain": "Explain a text on the ground station, or a code of the doctor: cause, what to check, what to change.",

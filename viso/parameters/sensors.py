@@ -153,6 +153,10 @@ FLOW_WITH_OPTIONS: Final = (
 """Since 2025-07-22."""
 
 
+SIMULATION: Final = (ParamInfo("SPEEDUP", FLOAT, 1.0, "Vehicle seconds in one second, for ``viso sitl``"),)
+"""The simulator's own clock (SITL/SITL.cpp)."""
+
+
 def _simulated_gps(enabling: ParamInfo, glitch: str, lock_time: str, drift: str) -> tuple[ParamInfo, ...]:
     return (
         enabling,

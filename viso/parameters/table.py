@@ -146,6 +146,7 @@ def make_groups(
         _object("AHRS_", (*sensors.AHRS, *release.more_ahrs), "AHRS_"),
         _object("BATT_", sensors.BATTERY, "BATT"),
         _object("BRD_RTC", sensors.RTC, "BRD_"),
+        _object("SIM_", sensors.SIMULATION, "SIM_"),
         _object(release.simulated_gps_prefix, release.simulated_gps, "SIM_"),
         _object("SIM_VICON_", release.vicon, "SIM_"),
         _object("GPS1_", sensors.GPS1, "GPS"),

@@ -2,28 +2,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Real time: paces a vehicle by the wall clock and moves bytes between its endpoint and links."""
 
-import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final
 
-from mav_handlers.channel import Channel
 from mav_handlers.links import wait_readable
 from mav_handlers.links.base import Link, Readable
+from viso.running.exchange import NOW_S, Exchange
 from viso.running.power import PoweredVehicle
 from viso.vehicle.vehicle import LOOP_PERIOD_US
 
 if TYPE_CHECKING:
     from viso.dds.autopilot import DdsAutopilot  # needs the extra ros2
 
-NOW_S: Final = time.monotonic
-"""The wall clock, in seconds."""
-MAX_ROUNDS: Final = 64
-READ_BYTES: Final = 1024
-"""How much is read from a link before the next one: some 30 messages at most, which take a few milliseconds."""
 MOST_SLEPT_OVER: Final = 20
 """So many passes may be run at once: what comes of them, such as a text, is sent no later than after 50 ms."""
-READ_BUDGET_S: Final = 0.01
-"""How long the links may be read by turns before the next pass of the main loop."""
 
 
 class Pacer:
@@ -43,8 +35,7 @@ class Pacer:
         now_s: Callable[[], float] = NOW_S,
     ) -> None:
         self._powered = powered
-        self._links = list(links)  # those of further clients come and go at the end
-        self._servers = len(self._links)
+        self._exchange = Exchange(powered, links, now_s=now_s)
         self._speedup = speedup
         self._beside = tuple(beside)
         self._now_s = now_s
@@ -73,11 +64,12 @@ class Pacer:
             due_us = max(self._next_loop_us, min(due_us, until_us - self._before_restart_us))
         wait_us = min([due_us, *(other.due_us() for other in self._beside)]) - self._now_us()
         if wait_us > 0:
-            readers: list[Readable] = [*self._links, *(reader for other in self._beside for reader in other.readers)]
+            others = (reader for other in self._beside for reader in other.readers)
+            readers: list[Readable] = [*self._exchange.links, *others]
             wait_readable(readers, wait_us / 1e6 / self._speedup)
         self._make_up(min(self._now_us(), due_us - 1))
-        self._admit()
-        self._read()
+        self._exchange.admit()
+        self._exchange.read(self._now_us)
         for other in self._beside:
             self._powered.vehicle.clock.set_us(self._now_us())
             other.exchange(self._powered.vehicle)
@@ -89,7 +81,7 @@ class Pacer:
             # A pass that comes late is not made up for, as on the real vehicle.
             self._next_loop_us = max(self._next_loop_us + LOOP_PERIOD_US, now_us)
             self._powered.vehicle.keep_set_parameters()
-            self._write()
+            self._exchange.write()
             self._restart_if_asked()
 
     def _due_us(self) -> int:
@@ -103,43 +95,10 @@ class Pacer:
         while self._next_loop_us <= until_us:
             count = vehicle.advance(range(self._next_loop_us, until_us + 1, LOOP_PERIOD_US))
             self._next_loop_us += LOOP_PERIOD_US * count
-            self._write()
+            self._exchange.write()
 
     def _restart_if_asked(self) -> None:
         ran_us = self._ran_us()
         if self._powered.restart_if_asked():
             self._before_restart_us = ran_us
             self._power_up()
-
-    def _admit(self) -> None:
-        """Give further clients of a server channels of their own, and take them from those that have gone."""
-        for place in range(len(self._links) - 1, self._servers - 1, -1):
-            if not self._links[place].peer_names:
-                del self._links[place]
-                self._powered.remove_client(place)
-        for place, server in enumerate(self._links[: self._servers]):
-            while (link := server.admit()) is not None:
-                self._links.append(link)
-                self._powered.add_client(link.name, place)
-
-    def _read(self) -> None:
-        # A peer that never stops must not keep other links, or the main loop, from their turn: what is over the budget
-        # waits in the system, which slows a TCP peer down.
-        end_s = self._now_s() + READ_BUDGET_S
-        waiting = list(zip(self._links, self._powered.channels, strict=True))
-        for _ in range(MAX_ROUNDS):
-            waiting = [(link, channel) for link, channel in waiting if self._take(channel, link.receive(READ_BYTES))]
-            if not waiting or self._now_s() > end_s:
-                break
-
-    def _take(self, channel: Channel, data: bytes) -> bool:
-        if data:
-            self._powered.vehicle.clock.set_us(self._now_us())
-            self._powered.vehicle.receive_bytes(channel, data)
-        return bool(data)
-
-    def _write(self) -> None:
-        for link, channel in zip(self._links, self._powered.channels, strict=True):
-            data = self._powered.vehicle.endpoint.bytes_to_send(channel)
-            if data:
-                link.send(data)
