@@ -16,6 +16,7 @@ import shutil
 import ssl
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -115,12 +116,26 @@ def main(args: Sequence[str]) -> int:
     """Set up, then run the tests; return pytest's exit code, or 2 when set-up failed."""
     parser = argparse.ArgumentParser(prog="tools/interop", description="Run the tests with real clients.")
     parser.add_argument("--set-up", action="store_true", help="only make the environment")
+    tree_help = "run instead the firmware's own autotests of a checkout, with viso sitl in the simulator's place"
+    parser.add_argument("--autotest", type=Path, metavar="TREE", help=tree_help)
+    parser.add_argument("--firmware", default="4.7", help="the release that the checkout is, 4.7 unless given")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of autotests, for those alone")
     options = parser.parse_args(args)
+    if options.autotest is not None and not (options.autotest / "Tools" / "autotest" / "autotest.py").is_file():
+        parser.error(
+            f"--autotest {options.autotest}: no checkout of the firmware: it has no Tools/autotest/autotest.py"
+        )
     try:
-        ensure()
+        folder = ensure()
     except (SetupError, OSError) as error:
         sys.stderr.write(f"viso: {error}\n")
         return 2
+    if options.autotest is not None:
+        from tools import autotest
+
+        work = Path(tempfile.mkdtemp(prefix="viso-autotest-"))
+        python = folder / "bin" / "python"
+        return not autotest.check(python, options.autotest.resolve(), work, options.firmware, options.names)
     tests = [sys.executable, "-m", "pytest", "-n", "2", "-m", "interop", "tests/interop"]
     return 0 if options.set_up else subprocess.run(tests, cwd=ROOT, check=False).returncode
 

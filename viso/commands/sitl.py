@@ -56,12 +56,12 @@ _UART_LETTERS: Final = "ABCDEFGHIJ"
 _SERIAL_OF_UART: Final = (0, 3, 1, 2, 4, 5, 6, 7, 8, 9)
 """The numbers of SERIALn by the letter of the option of releases up to 4.4."""
 
-_DEVICES: Final = typer.Option(help=f"What this port is connected to: {FORMS}.", metavar="DEVICE", show_default=False)
-_IGNORED: Final = typer.Option(help="Taken, without effect here.", hidden=True)
-_Device = Annotated[str | None, _DEVICES]
-_Uart = Annotated[str | None, typer.Option(hidden=True)]
-_Flag = Annotated[bool, _IGNORED]
-_Text = Annotated[str | None, _IGNORED]
+_FirstDevice = Annotated[
+    str | None, typer.Option(help=f"What this port is connected to: {FORMS}.", metavar="DEVICE", show_default=False)
+]
+_Device = Annotated[str | None, typer.Option(help="The same.", metavar="DEVICE", show_default=False)]
+_Flag = Annotated[bool, typer.Option(hidden=True)]
+_Text = Annotated[str | None, typer.Option(hidden=True)]
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def sitl(
         typer.Option(help="Write a line a message, and a line a sample in the filter, as JSON.", metavar="FILE"),
         Output.FILE,
     ] = None,
-    serial0: _Device = None,
+    serial0: _FirstDevice = None,
     serial1: _Device = None,
     serial2: _Device = None,
     serial3: _Device = None,

@@ -31,9 +31,7 @@ class Exchange:
         links: all that are open now.
     """
 
-    def __init__(
-        self, powered: PoweredVehicle, links: Sequence[Link], *, now_s: Callable[[], float] = NOW_S
-    ) -> None:
+    def __init__(self, powered: PoweredVehicle, links: Sequence[Link], *, now_s: Callable[[], float] = NOW_S) -> None:
         self.links = list(links)
         self._powered = powered
         self._servers = len(self.links)
@@ -51,7 +49,7 @@ class Exchange:
                 self._powered.add_client(link.name, place)
 
     def read(self, vehicle_us: Callable[[], int]) -> None:
-        """Hand over what has arrived, each part at the vehicle's time, which is read anew for it."""
+        """Hand over what has arrived, each part at the time of the vehicle that it arrives at."""
         # A peer that never stops must not keep other links, or the main loop, from their turn: what is over the budget
         # waits in the system, which slows a TCP peer down.
         end_s = self._now_s() + READ_BUDGET_S

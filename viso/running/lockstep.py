@@ -52,7 +52,7 @@ class Lockstep:
         self._now_s = now_s
         self._next_us = 0
         self._speed = speedup()
-        self._start_s = -math.inf  # when the vehicle's clock would have been 0 at its present speed
+        self._start_s = now_s()  # when the vehicle's clock would have been 0 at its present speed
 
     def wait_for_client(self, link: Link, stop: Callable[[], bool]) -> None:
         """Wait until a server has a client; the vehicle's time stands still."""
@@ -62,6 +62,7 @@ class Lockstep:
 
     def run(self, stop: Callable[[], bool]) -> bool:
         """Run until ``stop`` says so or a client has asked for a restart; return whether it is to be restarted."""
+        self._begin_at(self._speedup())
         while not stop():
             self.step()
             if self._powered.vehicle.reboot_requested:
@@ -78,7 +79,8 @@ class Lockstep:
             readers: list[Readable] = [*self._exchange.links, *([] if self._radio is None else [self._radio])]
             wait_readable(readers, ahead_s)
         self._exchange.admit()
-        self._exchange.read(vehicle.clock.micros64)
+        if self._next_us > 0:  # no autopilot has read anything at its time 0
+            self._exchange.read(self._read_us)
         if self._radio is not None:
             vehicle.copter.receiver.radio_us = self._radio.channels_us()
         end_us = min(self._clock_us(), self._next_us + MOST_AT_ONCE * LOOP_PERIOD_US)
@@ -87,6 +89,10 @@ class Lockstep:
             self._next_us += count * LOOP_PERIOD_US
             vehicle.keep_set_parameters()
             self._exchange.write()
+
+    def _read_us(self) -> int:
+        """Return the time of what is read now: between the last pass and the next one."""
+        return max(self._powered.vehicle.clock.micros64(), min(self._clock_us(), self._next_us - 1), 1)
 
     def _clock_us(self) -> int:
         """Return the time that the vehicle's clock is to have; what it is behind by too much is forgotten."""
@@ -98,5 +104,8 @@ class Lockstep:
     def _follow_speed(self) -> None:
         speed = self._speedup()
         if speed != self._speed:
-            self._speed = speed
-            self._start_s = self._now_s() - self._next_us / 1e6 / speed
+            self._begin_at(speed)
+
+    def _begin_at(self, speed: float) -> None:
+        self._speed = speed
+        self._start_s = self._now_s() - self._next_us / 1e6 / speed

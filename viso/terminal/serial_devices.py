@@ -12,7 +12,9 @@ from viso.errors import InputError
 
 DEFAULT_DEVICES: Final = ("tcp:0:wait", "tcp:2", "tcp:3", "GPS1", "GPS2", "tcp:5", "tcp:6", "tcp:7", "tcp:8")
 """The devices of SERIAL0 to SERIAL8 where the command line says nothing."""
-FORMS: Final = "tcp:PORT[:wait], tcpclient:HOST:PORT, udpclient:HOST[:PORT], mcast:, uart:DEVICE[:BAUD], sim:vicon, none"
+FORMS: Final = (
+    "tcp:PORT[:wait], tcpclient:HOST:PORT, udpclient:HOST[:PORT], mcast:, uart:DEVICE[:BAUD], sim:vicon, none"
+)
 
 _VICON: Final = "vicon"
 _FEWEST_OF_A_PORT: Final = 1000

@@ -10,7 +10,7 @@ from mav_handlers.links.address import LOOPBACK, is_loopback, parse_host_port, r
 from mav_handlers.links.base import Link, LinkError, reason_of
 from viso.errors import InputError
 from viso.extras import pip_install
-from viso.running.real_time import NOW_S
+from viso.running.exchange import NOW_S
 from viso.terminal.process import stop_on_signal
 from viso.web.faults import FaultSwitches, FaultyLink
 from viso.web.feed import Feed

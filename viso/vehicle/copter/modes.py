@@ -28,6 +28,7 @@ _NOT_SELECTABLE: Final = 2
 class ModeReason(IntEnum):
     """Why the mode is what it is (AP_Vehicle/ModeReason.h)."""
 
+    RC_COMMAND = 1
     GCS_COMMAND = 2
     EKF_FAILSAFE = 6
     INITIALISED = 26

@@ -99,6 +99,11 @@ class Receiver:
             elif value != IGNORED_PWM:
                 self._overrides[channel] = value, self._clock.micros64()
 
+    @property
+    def is_heard(self) -> bool:
+        """Whether the radio, or a ground station in its place, sends any channel."""
+        return self.radio_us is not None or bool(self._overrides)
+
     def pwm_us(self, channel: int) -> int | None:
         """Return the pulse length of a channel from 1 on; None if nobody sends it."""
         value, since_us = self._overrides.get(channel, (RELEASED_PWM, 0))
@@ -115,7 +120,7 @@ class Receiver:
 
     def sticks(self) -> Sticks:
         """Return where the sticks are."""
-        if self.radio_us is None and not self._overrides:
+        if not self.is_heard:
             return CENTRED
         roll, pitch, throttle, yaw = self._ranges()
         pwm_us = self.pwm_us(throttle.channel)

@@ -13,6 +13,7 @@ from mav_handlers.links.pair import PairLink, make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import HEARTBEAT, PARAM_SET, PARAM_VALUE, Message
 from viso.parameters.store import MemoryParamStore
+from viso.running import exchange
 from viso.running import real_time as realtime
 from viso.running.power import Port, PoweredVehicle
 from viso.running.real_time import Pacer
@@ -160,13 +161,13 @@ def test_each_link_feeds_its_channel(make: Callable[..., Rig]) -> None:
 def test_links_hand_in_by_turns_until_the_main_loop_is_due(make: Callable[..., Rig]) -> None:
     rig = make()
     frame = Codec(255, 190).encode(HEARTBEAT(6, 8, 0, 0, 4, 3))
-    fits = realtime.READ_BYTES // len(frame)
+    fits = exchange.READ_BYTES // len(frame)
     rounds = 3
     heard: list[int] = []
 
     def take_time(event: MessageEvent) -> None:
         heard.append(event.channel)
-        rig.clock.now_s += realtime.READ_BUDGET_S / fits / rounds
+        rig.clock.now_s += exchange.READ_BUDGET_S / fits / rounds
 
     rig.vehicle.endpoint.on_event = take_time
     for client, count in zip(rig.clients, (10 * rounds * fits, 1), strict=True):
@@ -257,7 +258,7 @@ def test_further_client_is_served_beside_the_first_also_after_a_restart(
     rig = make()
     end, client = make_pair(("vehicle1#2", "client3"))
     waiting: list[Link | None] = [end]
-    server = rig.pacer._links[0]
+    server = rig.pacer._exchange.links[0]
     monkeypatch.setattr(server, "admit", lambda: waiting.pop() if waiting else None)
     frame = Codec(255, 190).encode(HEARTBEAT(6, 8, 0, 0, 4, 3))
     client.send(frame)

@@ -8,6 +8,7 @@ from ap_core.clock import VirtualClock
 from ap_core.param import ParamTable
 from viso.parameters.table import make_groups
 from viso.running.virtual_time import Scheduler
+from viso.vehicle.copter.modes import ModeReason
 from viso.vehicle.copter.receiver import CENTRED, Receiver
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -157,3 +158,37 @@ def test_bench_without_functions_has_nothing_to_do() -> None:
     switched = Switched()
     switched.move(8, 1900)
     assert switched.texts == []
+
+
+# The mode switch
+
+MODES = {"FLTMODE1": 2, "FLTMODE2": 5, "FLTMODE3": 9, "FLTMODE4": 4, "FLTMODE5": 16, "FLTMODE6": 0}
+
+
+@pytest.mark.parametrize(
+    ("pwm_us", "number"),
+    [(1230, 2), (1231, 5), (1360, 5), (1361, 9), (1490, 9), (1491, 4), (1621, 16), (1749, 16), (1750, 0), (2199, 0)],
+)
+def test_mode_switch_enters_the_mode_of_its_position(pwm_us: int, number: int) -> None:
+    switched = Switched(defaults=MODES)
+    switched.move(5, 1750 if number else 1000)
+    switched.move(5, pwm_us)
+    modes = switched.vehicle.copter.modes
+    assert (modes.current.number, modes.reason) == (number, ModeReason.RC_COMMAND)
+
+
+@pytest.mark.parametrize(("parameter", "value"), [("FLTMODE_CH", 0), ("FLTMODE_CH", 6)])
+def test_mode_switch_is_on_its_channel_alone(parameter: str, value: int) -> None:
+    switched = Switched(defaults={**MODES, parameter: value, "FLTMODE4": 0})
+    switched.move(5, 1000)
+    assert switched.vehicle.copter.modes.current.number == 0
+
+
+def test_mode_of_a_client_stays_until_the_mode_switch_moves() -> None:
+    switched = Switched(defaults=MODES)
+    switched.move(5, 1000)
+    switched.vehicle.copter.modes.set_mode(9, ModeReason.GCS_COMMAND)
+    switched.run(1.0)
+    assert switched.vehicle.copter.modes.current.number == 9
+    switched.move(5, 2000)
+    assert switched.vehicle.copter.modes.current.number == 0
