@@ -66,7 +66,7 @@ def stand_in(tree: Path, folder: Path, firmware: str) -> None:
 
 def run(python: Path, folder: Path, name: str) -> Outcome:
     """Run a test in a folder that looks like a checkout; what it printed is in `autotest-NAME.txt` there."""
-    command = [python, "Tools/autotest/autotest.py", "--no-clean", "--no-configure", f"test.Copter.{name}"]
+    command = [str(python), "Tools/autotest/autotest.py", "--no-clean", "--no-configure", f"test.Copter.{name}"]
     environment = {**os.environ, "PATH": f"{python.parent}:{os.environ['PATH']}", "BUILDLOGS": str(folder / "logs")}
     (folder / "logs").mkdir(exist_ok=True)
     started = time.monotonic()

@@ -40,6 +40,7 @@ ENDS_WITH_1 = {
 # What runs until Ctrl-C, and what it says once others may begin.
 UNTIL_CTRL_C = {
     r"viso serve (?!.*--duration)": "ArduPilot Ready",
+    r"viso sitl": "Waiting for connection",
     r"viso faults .* udpin:": "",
     r"viso play --ros2": "waiting for poses",
 }

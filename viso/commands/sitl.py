@@ -154,6 +154,7 @@ def sitl(
     sim_port_in: _Text = None,
     sim_port_out: _Text = None,
     irlock_port: _Text = None,
+    slave: _Text = None,
 ) -> None:
     """Stand in for the firmware's simulator of ArduCopter: the same command line, ports, lines and parameters.
 
@@ -163,7 +164,8 @@ def sitl(
     client asks for it. It ends by Ctrl-C, or with the program that started it.
 
     Options of the simulator that have no effect here are taken in silence: -S, --rate, --unhide-groups, --config, --fg,
-    --enable-fgview, --autotest-dir, --rtscts, --sim-address, --sim-port-in, --sim-port-out, --irlock-port.
+    --enable-fgview, --autotest-dir, --rtscts, --sim-address, --sim-port-in, --sim-port-out, --irlock-port,
+    --slave.
 
     Example: viso sitl --model + --speedup 10
     """
