@@ -118,6 +118,7 @@ class Airframe(Moving[AirframeState]):
         super().__init__(AirframeState(rpy=(0.0, 0.0, heading_rad)))
         self._demand = MOTORS_OFF
         self._delta = delta_between(self.state.seen(), self.state.seen(), 1e-6 * NOMINAL_US)
+        self._at_rest: tuple[AirframeState, int, InertialDelta] = (self.state, NOMINAL_US, self._delta)
 
     def demand(self, demand: Demand) -> None:
         """Set the demand from now on."""
@@ -128,10 +129,19 @@ class Airframe(Moving[AirframeState]):
     def moved(self, state: AirframeState, last_us: int | None, now_us: int) -> tuple[AirframeState, InertialDelta]:
         """Return the state at a time, from that of the pass before, and what ideal inertial sensors feel of it."""
         interval_us = NOMINAL_US if last_us is None else min(now_us - last_us, LONGEST_US)
+        if state.is_at_rest() and not self._demand.thrust_m_s2:
+            return state, self._delta_at_rest(state, interval_us)
         after, steps = state, -(-interval_us // LONGEST_STEP_US)
         for _ in range(steps):
             after = moved(after, self._demand, 1e-6 * interval_us / steps)
         return after, delta_between(state.seen(), after.seen(), 1e-6 * interval_us)
+
+    def _delta_at_rest(self, state: AirframeState, interval_us: int) -> InertialDelta:
+        """Return what ideal inertial sensors feel in an interval of a vehicle at rest; each is worked out once."""
+        if self._at_rest[:2] != (state, interval_us):
+            seen = state.seen()
+            self._at_rest = state, interval_us, delta_between(seen, seen, 1e-6 * interval_us)
+        return self._at_rest[2]
 
     def go_to(self, now_us: int) -> InertialDelta:
         """Move on to a time since boot, later than the last; return what ideal inertial sensors feel of it."""
