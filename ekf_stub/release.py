@@ -18,7 +18,7 @@ class FilterRelease:
             unless it does (SelectVelPosFusion, updateMovementCheck, CovariancePrediction).
         resets_height_by_its_source: height starts at that of external navigation only if that is its source
             (setAidingMode).
-        refuses_early_origin: an origin is refused until the filter has a state; else it waits for that
+        refuses_early_origin: an origin is refused until the filter has a state; else it is taken, and then lost
             (setOriginLLH).
         relative_needs_no_yaw: relative aiding goes on as the vehicle is disarmed without a source of yaw
             (controlFilterModes).

@@ -302,8 +302,11 @@ class Ekf3Ahrs(AhrsBase):
         self._report_outcomes()
         cores.log_pass(now_us)
         self._follow_primary(cores)
-        if self._origin is None and cores.lanes.origin is not None:
-            self._note_origin(cores.lanes.origin)
+        origin = cores.lanes.origin
+        if origin is None:
+            self._origin = None
+        elif self._origin is None:
+            self._note_origin(origin)
 
     def _report_outcomes(self) -> None:
         """Count and report the outcomes of samples; of several cores those of the primary one."""
@@ -365,9 +368,6 @@ class Ekf3Ahrs(AhrsBase):
             has_camera=self._has_camera,
         )
         self.core = self.cores.lanes.primary_filter
-        if self._origin is not None:
-            self.cores.lanes.set_origin(self._origin)
-            self.cores.send_texts()
 
     def _log_frame(self, sensors: Sensors, gps: GpsSample | None, now_us: int) -> None:
         log, state = self._log, self.state
@@ -563,7 +563,10 @@ class Ekf3Ahrs(AhrsBase):
         self.source.stand_at(origin)
 
     def set_origin(self, origin: Location) -> bool:
-        """Set the origin, once, and not before the estimator runs; return whether it was set."""
+        """Set the origin, once, and not before the estimator runs; return whether that of the one in use was set.
+
+        FIRMWARE PARITY: until March 2026 the filter loses an origin that it gets before it has begun.
+        """
         core = self.core
         is_early = core is None or (self._release.refuses_early_origin and not core.initialised)
         if self._origin is not None or self.cores is None or is_early:
@@ -572,7 +575,7 @@ class Ekf3Ahrs(AhrsBase):
         self._note_origin(origin)
         self.cores.lanes.set_origin(origin)
         self.cores.send_texts()
-        return self._has_origin()
+        return self._has_origin() and (self._active or self._truth is not None)
 
     def _has_origin(self) -> bool:
         return self._configured() is Estimator.EKF3 or self._truth is not None

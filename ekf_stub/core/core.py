@@ -201,20 +201,19 @@ class Core:
         if self._first_ms < 0:
             self._first_ms = now_ms
         elif now_ms - self._first_ms >= _BOOTSTRAP_MS:
+            self._common.place = None
             self._initialise(now_ms)
             self._has_begun = True
 
     def _initialise(self, now_ms: int) -> None:
-        """Begin with the attitude that the accelerometers show, at rest and facing north."""
+        """Begin with the attitude that the accelerometers show, at rest and facing north, and without an origin."""
+        self.origin = None
         accel = self.stillness.accel
         size = length(accel)
         x, y, z = scaled(accel, 1.0 / size) if size > 1e-3 else (0.0, 0.0, -1.0)
         self._restart(quat_of_euler(math.atan2(-y, -z), math.asin(limited(x, -1.0, 1.0)), 0.0), now_ms)
         self.ext_nav.initialised = True
         self.initialised = True
-        if self.origin is not None:
-            self._origin_height.put(self.origin.alt_cm)
-            self.events.say(ev.ORIGIN_SET)
         self.events.say(ev.INITIALISED)
 
     def _restart(self, quat: tuple[float, float, float, float], now_ms: int) -> None:

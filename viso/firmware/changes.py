@@ -355,7 +355,7 @@ DIFFERENCES: Final[tuple[Difference, ...]] = (
         is_recorded=True,
     ),
     _flag(
-        "an origin waits, or is refused, until EKF3 has a state",
+        "an origin that is set before EKF3 has a state is refused, and no longer lost in silence",
         "refuses_early_origin",
         Upstream("7de88b5f5a", "2026-03-25"),
     ),
