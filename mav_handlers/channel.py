@@ -91,6 +91,7 @@ class Channel:
         card_intervals_ms: default intervals by message, from a file; 0 is off.
         stream_slowdown_ms: how much a radio's full buffer lengthens the intervals.
         ftp_is_busy: whether a file transfer slows down the other messages.
+        awaits_items: whether items of missions, requested on any link, do so.
         params_sent_us: time of the last turn that sent parameters.
         times_full: number of messages that did not fit.
         has_reader: whether anybody reads the output; if not, it is discarded and nothing is streamed.
@@ -112,6 +113,7 @@ class Channel:
     card_intervals_ms: Mapping[str, int] = field(default_factory=dict)
     stream_slowdown_ms: int = 0
     ftp_is_busy: bool = False
+    awaits_items: bool = False
     heartbeat_sent_us: int = 0
     param_list: ParamListState | None = None
     params_sent_us: int = 0
@@ -170,6 +172,8 @@ class Channel:
         """Return the effective interval of a bucket (GCS_MAVLINK::get_reschedule_interval_ms)."""
         interval_ms += self.stream_slowdown_ms
         if self.param_list is not None:
+            interval_ms *= _SLOW_FACTOR
+        if self.awaits_items:
             interval_ms *= _SLOW_FACTOR
         if self.ftp_is_busy:
             interval_ms *= _SLOW_FACTOR

@@ -26,6 +26,7 @@ from mav_handlers.channel import Channel, Context, Rest, TransmitReserve
 from mav_handlers.handlers import HANDLERS, VISION_MESSAGES
 from mav_handlers.handlers.clocks import send_timesync, timesync_due_us
 from mav_handlers.handlers.commands import MavCmd, MavResult
+from mav_handlers.handlers.item_transfer import ItemTransfer
 from mav_handlers.params.names import OPTION_PRIVATE
 from mav_handlers.params.reads import NO_INDEX, ParamReads
 from mav_handlers.radio import RadioLink
@@ -107,6 +108,7 @@ class MavEndpoint:
         self.signing = SigningState(vehicle.signing_store, self._options)
         self.ftp = FtpServer(vehicle.files, vehicle.texts.send_text, lambda index: self.channels[index].has_room())
         self._log_transfer = vehicle.log_transfer
+        self.item_transfers = {kind: ItemTransfer(vehicle, kind, items) for kind, items in vehicle.item_lists().items()}
         self.events_lost = 0
         self.on_event: Callable[[MessageEvent], None] | None = None
         vehicle.texts.listening_channels = self._listening_channels
@@ -329,8 +331,12 @@ class MavEndpoint:
             self.send_ftp_replies(self.ftp.continue_burst(now_us))
         self.signing.save_timestamp(self.channels, u32(now_us // 1000))
         self.param_reads.look_up(self._vehicle.params, last_us, now_us)
+        for transfer in self.item_transfers.values():
+            transfer.update(now_us)
+        awaits_items = any(transfer.is_receiving for transfer in self.item_transfers.values())
         ftp_is_busy, private = self.ftp.slows_streams(now_us), self._private()
         for channel in self.channels:
+            channel.awaits_items = awaits_items
             if not self._log_transfer.is_idle:
                 self.pump_log_transfer(channel, now_us)
             if not private[channel.index]:
@@ -349,7 +355,10 @@ class MavEndpoint:
         waits_ms = [channel.wait_ms(now_ms) for channel in self.channels]
         waits_ms += self.ftp.speed_lasts_ms(now_us), self.signing.save_wait_ms(u32(now_ms))
         questions_us = [timesync_due_us(channel) for channel in self.channels if not private[channel.index]]
-        return min([(now_ms + min(waits_ms)) * 1000, *questions_us])
+        transfers_us = [
+            due_us for transfer in self.item_transfers.values() if (due_us := transfer.due_us()) is not None
+        ]
+        return min([(now_ms + min(waits_ms)) * 1000, *questions_us, *transfers_us])
 
     def _has_work(self) -> bool:
         return (

@@ -80,6 +80,8 @@ class EndpointRelease:
         tells_bad_items_by_type: whether the answer to a request for an item that does not exist depends on the kind of
             mission: the count and an error for a mission, and an error for the first item of a fence. Otherwise all are
             out of sequence, and only MISSION_REQUEST_INT gets the count.
+        checks_waypoint_delay: whether a time at a waypoint that does not fit is refused.
+        repeats_jumps: whether a jump that was done as often as asked for is counted from 0 when it is met again.
     """
 
     error_formula: ErrorFormula
@@ -108,6 +110,8 @@ class EndpointRelease:
     calibrates_in_steps: bool = False
     counts_home: bool = True
     tells_bad_items_by_type: bool = False
+    checks_waypoint_delay: bool = False
+    repeats_jumps: bool = True
 
     def streams(self, name: str) -> bool:
         """Return whether a message of a stream group is sent with it."""
@@ -130,6 +134,7 @@ STABLE_4_6: Final = replace(
     calibrates_in_steps=True,
     counts_home=False,
     tells_bad_items_by_type=True,
+    repeats_jumps=False,
 )
 FEBRUARY_2026: Final = EndpointRelease(
     root_of_sum,
@@ -143,6 +148,7 @@ FEBRUARY_2026: Final = EndpointRelease(
     most_origin_alt_mm=83_000_000,
     reboots_for_others=False,
     spells_modes_out=True,
+    checks_waypoint_delay=True,
 )
 STABLE_4_7: Final = replace(FEBRUARY_2026, highres_field_scale=THOUSANDTH, lists_selectable_modes=True)
 APRIL_2026: Final = replace(STABLE_4_7, resets_parameters=is_any_default, velocity_error=velocity_error)

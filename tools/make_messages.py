@@ -132,6 +132,8 @@ MESSAGES: Final[Mapping[str, str]] = {
     "MISSION_ITEM_INT": "One item; x and y are degE7 where they are a place, z is metres.",
     "MISSION_ACK": "End of a transfer, with a MAV_MISSION_RESULT.",
     "MISSION_CLEAR_ALL": "Request to forget all items.",
+    "MISSION_SET_CURRENT": "Request to go on with an item.",
+    "MISSION_ITEM_REACHED": "The item that was done last.",
     "MISSION_WRITE_PARTIAL_LIST": "Announcement of items that replace some.",
     "SET_HOME_POSITION": "Wish for another home: degE7, mm; the firmware ignores it.",
 }

@@ -55,6 +55,7 @@ HANDLERS: Final[Mapping[type[m.Message], Callable[[Context, Any], Verdict]]] = {
     m.MISSION_COUNT: missions.handle_mission_count,
     m.MISSION_CLEAR_ALL: missions.handle_mission_clear_all,
     m.MISSION_WRITE_PARTIAL_LIST: missions.handle_mission_write_partial_list,
+    m.MISSION_SET_CURRENT: missions.handle_mission_set_current,
     m.MISSION_ITEM: missions.handle_mission_item,
     m.MISSION_ITEM_INT: missions.handle_mission_item,
     m.STATUSTEXT: others.handle_statustext,

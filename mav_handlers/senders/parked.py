@@ -10,16 +10,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u32
-from ap_core.fmath import degrees
 from mav_handlers.channel import Channel
-from mav_handlers.senders.attitude import euler_rad
-from mav_handlers.senders.builder import boot_ms, i16_of
+from mav_handlers.senders.builder import boot_ms
 from mav_handlers.wire.messages import (
     BATTERY_STATUS,
     HWSTATUS,
     MEMINFO,
-    MISSION_CURRENT,
-    NAV_CONTROLLER_OUTPUT,
     POWER_STATUS,
     RC_CHANNELS,
     RC_CHANNELS_RAW,
@@ -42,7 +38,6 @@ _RSSI_UNKNOWN: Final = 255
 _NO_CELL: Final = 65535
 _TEMPERATURE_UNKNOWN: Final = 32767
 _CHARGE_STATE_OK: Final = 1
-_MISSION_STATE_NO_MISSION: Final = 1
 
 
 def power_status(vehicle: Vehicle, _channel: Channel, _now_us: int) -> POWER_STATUS | None:
@@ -74,22 +69,6 @@ def battery_status(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> BATTER
         battery_remaining=BATTERY_REMAINING_PCT,
         charge_state=_CHARGE_STATE_OK,
     )
-
-
-def nav_controller_output(vehicle: Vehicle, _channel: Channel, _now_us: int) -> NAV_CONTROLLER_OUTPUT | None:
-    """The present attitude in degrees as the target, and no distance to go, once the vehicle is initialised.
-
-    Source: GCS_MAVLINK_Copter::send_nav_controller_output.
-    """
-    if not vehicle.copter.has_booted:
-        return None
-    roll, pitch, yaw = map(degrees, euler_rad(vehicle).to_tuple())
-    return NAV_CONTROLLER_OUTPUT(float(roll), float(pitch), i16_of(yaw), 0, 0, 0.0, 0.0, 0.0)
-
-
-def mission_current(_vehicle: Vehicle, _channel: Channel, _now_us: int) -> MISSION_CURRENT:
-    """No mission (GCS_MAVLINK::send_mission_current)."""
-    return MISSION_CURRENT(0, 0, _MISSION_STATE_NO_MISSION, 0)
 
 
 def servo_output_raw(_vehicle: Vehicle, _channel: Channel, now_us: int) -> SERVO_OUTPUT_RAW:

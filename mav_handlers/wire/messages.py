@@ -1273,6 +1273,22 @@ class MISSION_CLEAR_ALL(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class MISSION_SET_CURRENT(Message):
+    """Request to go on with an item."""
+
+    target_system: int
+    target_component: int
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class MISSION_ITEM_REACHED(Message):
+    """The item that was done last."""
+
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
 class MISSION_WRITE_PARTIAL_LIST(Message):
     """Announcement of items that replace some."""
 
@@ -1393,6 +1409,8 @@ MESSAGES: Final[Mapping[str, type[Message]]] = {
         MISSION_ITEM_INT,
         MISSION_ACK,
         MISSION_CLEAR_ALL,
+        MISSION_SET_CURRENT,
+        MISSION_ITEM_REACHED,
         MISSION_WRITE_PARTIAL_LIST,
         SET_HOME_POSITION,
     )

@@ -58,6 +58,7 @@ IGNORED: frozenset[type[Message]] = frozenset(
         m.MESSAGE_INTERVAL,
         m.MISSION_ACK,
         m.MISSION_CURRENT,
+        m.MISSION_ITEM_REACHED,
         m.NAV_CONTROLLER_OUTPUT,
         m.PARAM_ERROR,
         m.PARAM_VALUE,

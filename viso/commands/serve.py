@@ -16,6 +16,7 @@ from mav_handlers.channel import CountKey
 from mav_handlers.links import Link, is_open_to_network, open_link
 from viso.dds.graph import check_domain, require_cyclonedds
 from viso.errors import InputError, file_errors
+from viso.files.item_store import FileItemStore
 from viso.files.key_store import FileKeyStore
 from viso.files.outputs import growing_file, refuse_input
 from viso.firmware.releases import PROFILES, Firmware
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
 MAX_DURATION_S = 4e9
 STORAGE_NAME = "storage.parm"
 KEY_NAME = "signing.key"
+MISSIONS_NAME = "missions.txt"
 DEFAULT_LINKS = ("tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550")
 
 
@@ -123,7 +125,8 @@ def serve(
     storage: Annotated[
         Path | None,
         typer.Option(
-            help=f"Where parameters are kept over a restart, {KEY_NAME} beside; default {STORAGE_NAME} beside the logs."
+            help=f"Where parameters are kept over a restart, {KEY_NAME} and {MISSIONS_NAME} beside; "
+            f"default {STORAGE_NAME} beside the logs."
         ),
         Output.PLACE,
     ] = None,
@@ -207,10 +210,10 @@ def serve(
         log_dir.mkdir(parents=True, exist_ok=True)
     store = LogStore(log_dir)
     storage_path = storage or log_dir / STORAGE_NAME
-    key_path = storage_path.with_name(KEY_NAME)
-    for path in (storage_path, key_path):
+    key_path, missions_path = storage_path.with_name(KEY_NAME), storage_path.with_name(MISSIONS_NAME)
+    for path in (storage_path, key_path, missions_path):
         refuse_input(path)
-    param_store, key_store = ParamStore(storage_path), FileKeyStore(key_path)
+    param_store, key_store, item_store = ParamStore(storage_path), FileKeyStore(key_path), FileItemStore(missions_path)
     config = VehicleConfig(
         ahrs_maker(AhrsChoice(ahrs, imu, imu_error, imu_seed, heading, home)),
         links=len(names),
@@ -220,6 +223,7 @@ def serve(
         overrides=overrides,
         log_store=store,
         param_store=param_store,
+        item_store=item_store,
         signing_store=key_store,
         firmware=profile,
         message_intervals=load_message_intervals(log_dir, len(names)),
@@ -278,7 +282,7 @@ def serve(
     losses = [f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()]
     if param_store.failure:
         losses.append(f"parameters: {param_store.failure}")
-    losses += filter(None, (key_store.failure, *(stream.failure() for stream in streams)))
+    losses += filter(None, (item_store.failure, key_store.failure, *(stream.failure() for stream in streams)))
     for loss in losses:
         err.print(loss)
     counts, filter_counts = message_counts(), powered.filter_counts()

@@ -752,12 +752,12 @@ VEHICLE: Final = (
     ),
     Text("Logging not started", "the log of the flight could not be opened", "the card", "the same"),
     Text("Downloading logs", "somebody downloads a log", "other ground stations", "wait, or end the download"),
-    Text("Mode requires mission", "the mode is Auto, and there are no missions here", "the mode", "another mode"),
+    Text("Mode requires mission", "the mode is Auto, and there is no mission", "the mission", "upload one"),
     Text(
         "{Loiter} mode not armable",
         "the firmware does not arm in this mode: RTL, Land, Auto and others",
         "the mode",
-        "another mode",
+        "another mode; Auto arms with bit 0 of AUTO_OPTIONS",
     ),
     Text(
         "Leaning",
@@ -821,7 +821,7 @@ OTHERS: Final = (
     Text("No such mode 99", "the vehicle has no such mode", "the number", "another mode"),
     Text(
         "Mode change to AUTO RTL failed: No return path or landing sequence found",
-        "there is no mission",
+        "viso does not look for a landing in the mission",
         "the mission",
         "another mode",
     ),
@@ -832,9 +832,24 @@ OTHERS: Final = (
         "another mode",
     ),
     Text("Need mavlink2 for item transfer", "the link speaks MAVLink 1", "the client", "speak MAVLink 2"),
-    Text("Only 1 items are supported", "there is no storage for missions here", "the client", "send an empty mission"),
+    Text("Only 650 items are supported", "the mission, fence or list is too long", "its length", "shorten it"),
     Text("Flight plan received", "a mission was stored", "nothing", "nothing"),
-    Text("Flight plan update rejected", "a mission cannot be changed here", "the client", "nothing"),
+    Text("Flight plan update rejected", "items were to replace some that are not there", "their numbers", "nothing"),
+    Text("{Mission} upload timeout", "the client sent no item for 8 s", "the client and the link", "upload again"),
+    Text("Clearing Mission", "MIS_OPTIONS bit 0 forgets the mission at start-up", "MIS_OPTIONS", "nothing"),
+    Text(
+        "Auto: Missing Takeoff Cmd", "on the ground, and the mission goes on with no take-off", "the mission", "add it"
+    ),
+    Text("Auto mission changed, restarted command", "a client changed what is ahead", "nothing", "nothing"),
+    Text(
+        "Auto mission changed but failed to restart command", "the same, and the item is gone", "the mission", "nothing"
+    ),
+    Text("Mission: {1 Takeoff}", "an item of the mission begins", "nothing", "nothing"),
+    Text("Mission: 1 Jump 1/{2}", "the mission jumps, for the first of two times", "nothing", "nothing"),
+    Text("Mission: starting circle 1/2", "a turn of NAV_LOITER_TURNS begins", "nothing", "nothing"),
+    Text("Reached command #1", "a waypoint is reached, and its time over", "nothing", "nothing"),
+    Text("Delaying 5 sec", "NAV_DELAY begins", "nothing", "nothing"),
+    Text("Skipping invalid cmd #212", "the vehicle does not do this command", "the mission", "leave it out"),
     Text("got MISSION_ITEM; GCS should send MISSION_ITEM_INT", "an old client", "the client", "renew it"),
     Text("got MISSION_REQUEST; use MISSION_REQUEST_INT!", "an old client", "the client", "renew it"),
     Text("ERROR: Won't setup signing when armed", "signing can be set up while disarmed only", "nothing", "disarm"),

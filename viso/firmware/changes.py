@@ -323,6 +323,20 @@ DIFFERENCES: Final[tuple[Difference, ...]] = (
         Upstream("4161c425d1", "2025-02-06"),
     ),
     _answer(
+        "time at a waypoint below 0 or above 65535 s",
+        "refused",
+        "taken",
+        "checks_waypoint_delay",
+        Upstream("96310b82a3", "2026-01-28"),
+    ),
+    _answer(
+        "jump of a mission that is met again after it was done as often as asked for",
+        "jumps as often again",
+        "does not jump",
+        "repeats_jumps",
+        Upstream("c9661c27a4", "2025-04-17"),
+    ),
+    _answer(
         "GPS_RAW_INT with GPS1_TYPE 0",
         "sent",
         "not sent",

@@ -18,11 +18,14 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import ARM, ATT, DSF, ERR, EV, MAV, MAVC, MODE, MSG, ORGN, VER
 from ap_core.quaternion import Quaternion
 from mav_handlers.channel import Channel
+from mav_handlers.transfers.mission_items import MissionItem
 from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.logger import Logger
 
 ORGN_EKF: Final = 0
 ORGN_HOME: Final = 1
+CMD: Final = "CMD"
+MISE: Final = "MISE"
 
 _BOARD_TYPE_SITL: Final = 3
 _NO_BOARD_SUBTYPE: Final = 65535
@@ -115,6 +118,12 @@ class VehicleLog:
     def command(self, values: Sequence[LogValue]) -> None:
         """Write MAVC: everything after TimeUS."""
         self._logger.write(MAVC, (self._clock.micros64(), *values))
+
+    def mission_item(self, name: str, total: int, seq: int, item: MissionItem) -> None:
+        """Write CMD, an item of a mission, or MISE, one that begins (AP_Logger_Backend::Write_Mission_Cmd)."""
+        labels = "TimeUS,CTot,CNum,CId,Prm1,Prm2,Prm3,Prm4,Lat,Lng,Alt,Frame"
+        values = (self._clock.micros64(), total, seq, item.command, *item.params, item.x, item.y, item.z, item.frame)
+        self._logger.write_named(name, labels, "s-------DUm-", "F-------GG0-", "QHHHffffLLfB", values)
 
     def timesync(self, system_id: int, round_trip_us: int) -> None:
         """Write TSYN."""

@@ -12,7 +12,7 @@ RC_Channel and RCMapper.
 from collections.abc import Mapping
 from typing import Final
 
-from ap_core.param_info import ParamInfo, ParamType
+from ap_core.param_info import ParamFlag, ParamInfo, ParamType
 
 INT8: Final = ParamType.INT8
 INT16: Final = ParamType.INT16
@@ -152,6 +152,12 @@ FRAME_CLASS: Final = (
     ParamInfo("FRAME_CLASS", INT8, 1, "Kind of multicopter", values=_FRAME_CLASS, reboot_required=True),
 )
 
+MISSION: Final = (
+    ParamInfo("TOTAL", INT16, 0, "How many mission items there are, home among them", flags=ParamFlag.READ_ONLY),
+    ParamInfo("RESTART", INT8, 0, "Where AUTO begins", values={0: "Where it was left", 1: "With the first item"}),
+    ParamInfo("OPTIONS", INT16, 0, "Bits: 0 forget the mission at start-up, 2 go on after a landing, 3 jump once only"),
+)
+
 NUMBER_OF_CHANNELS: Final = 16
 _DEAD_ZONES_US: Final = {1: 20, 2: 20, 3: 30, 4: 20}
 _OPTIONS: Final = {0: "Do Nothing", 80: "Viso Align", 90: "EKF Source Set"}
@@ -173,7 +179,7 @@ RECEIVER: Final = (
     ParamInfo("RC_OVERRIDE_TIME", FLOAT, 3.0, "How long RC_CHANNELS_OVERRIDE holds, -1 for ever", "s", (0.0, 120.0)),
 )
 
-FENCE: Final = (ParamInfo("ENABLE", INT8, 0, "Keep within a fence, which there is not here", values=_OFF_ON),)
+FENCE: Final = (ParamInfo("ENABLE", INT8, 0, "Keep within a fence, which is not done here", values=_OFF_ON),)
 
 LATE_FAILSAFE: Final = (
     ParamInfo("FS_VIBE_ENABLE", INT8, 1, "Fly on with vibration that the EKF cannot take", values=_OFF_ON),

@@ -56,6 +56,7 @@ _FIRST_MOVED: Final = (
 )
 _THEN_MOVED: Final = (
     _Row("WPNAV_SPEED", FLOAT, 1000, AFTER_INS, "WP_SPD", AFTER_INS, "Horizontal speed to a target", "m/s"),
+    _Row("WPNAV_RADIUS", FLOAT, 200, AFTER_INS, "WP_RADIUS_M", AFTER_INS, "How near a waypoint counts as reached", "m"),
     _Row("WPNAV_SPEED_UP", FLOAT, 250, AFTER_INS, "WP_SPD_UP", AFTER_INS, "Climb rate to a target", "m/s"),
     _Row("WPNAV_SPEED_DN", FLOAT, 150, AFTER_INS, "WP_SPD_DN", AFTER_INS, "Descent rate to a target", "m/s"),
     _Row("WPNAV_ACCEL", FLOAT, 250, AFTER_INS, "WP_ACC", AFTER_INS, "Horizontal acceleration to a target", "m/s/s"),
@@ -69,6 +70,10 @@ _ALIKE: Final = (
     (_FIRST, ParamInfo("RTL_LOIT_TIME", INT32, 5000, "How long RTL waits above home", "ms", (0.0, 60000.0))),
     (_WAY, ParamInfo("WP_YAW_BEHAVIOR", INT8, 2, "Where the vehicle looks on its way", values=_YAW)),
     (
+        "FS_OPTIONS",
+        ParamInfo("AUTO_OPTIONS", INT32, 0, "Bits of AUTO: 0 it can be armed in, 1 it lifts off without the throttle"),
+    ),
+    (
         "FS_GCS_TIMEOUT",
         ParamInfo("GUID_TIMEOUT", FLOAT, 3.0, "How long GUIDED obeys a velocity that is not repeated", "s"),
     ),
@@ -77,9 +82,20 @@ _ORDER: Final = (
     *("RTL_ALT", "RTL_ALT_M", "RTL_CONE_SLOPE", "RTL_CLIMB_MIN", "RTL_CLIMB_MIN_M", "RTL_LOIT_TIME"),
     *("WP_YAW_BEHAVIOR", "LAND_SPEED", "LAND_SPD_MS", "LAND_SPEED_HIGH", "LAND_SPD_HIGH_MS"),
     *("PILOT_SPEED_DN", "LAND_ALT_LOW", "LAND_ALT_LOW_M", "PILOT_SPEED_UP", "PILOT_SPD_UP", "PILOT_SPD_DN"),
-    *("WPNAV_SPEED", "WP_SPD", "WPNAV_SPEED_UP", "WP_SPD_UP", "WPNAV_SPEED_DN", "WP_SPD_DN", "WPNAV_ACCEL", "WP_ACC"),
+    *(
+        "WPNAV_SPEED",
+        "WP_SPD",
+        "WPNAV_RADIUS",
+        "WP_RADIUS_M",
+        "WPNAV_SPEED_UP",
+        "WP_SPD_UP",
+        "WPNAV_SPEED_DN",
+        "WP_SPD_DN",
+        "WPNAV_ACCEL",
+        "WP_ACC",
+    ),
     *("WPNAV_ACCEL_Z", "WP_ACC_Z", "LOIT_SPEED", "LOIT_SPEED_MS", "LOIT_ACC_MAX", "LOIT_ACC_MAX_M"),
-    *("ATC_SLEW_YAW", "ATC_ANGLE_MAX", "ATC_RATE_WPY_MAX", "ANGLE_MAX", "GUID_TIMEOUT"),
+    *("AUTO_OPTIONS", "ATC_SLEW_YAW", "ATC_ANGLE_MAX", "ATC_RATE_WPY_MAX", "ANGLE_MAX", "GUID_TIMEOUT"),
 )
 """Of those that share a spot."""
 

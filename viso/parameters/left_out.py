@@ -61,7 +61,7 @@ LEFT_OUT: Final = (
     ),
     LeftOut("airspeed", "airspeed is not fused here", {"ARSPD_TYPE": 0}),
     LeftOut("External AHRS", "there is no External AHRS here", {"EAHRS_TYPE": 0, "AHRS_EKF_TYPE": _EXTERNAL}),
-    LeftOut("fences", "no fence is kept here", {"FENCE_ENABLE": 0}, is_of_estimator=False),
+    LeftOut("fences", "the vehicle does not keep to fences here", {"FENCE_ENABLE": 0}, is_of_estimator=False),
 )
 
 

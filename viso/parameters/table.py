@@ -153,6 +153,7 @@ def make_groups(
         _object("SCHED_", sensors.SCHEDULER, "SCHED_"),
         _object("RCMAP_", copter.RCMAP, "RCMAP_"),
         make_ekf3_group(release.flow_limit, release.source_options),
+        _object("MIS_", copter.MISSION, "MIS_"),
         *(_object(f"RNGFND{number}_", release.range_finder, "RNGFND") for number in _RANGE_FINDERS),
         _object("FLOW", release.flow, "FLOW"),
         _object("", (*release.second_table, *copter.FRAME_CLASS), ""),

@@ -11,6 +11,7 @@ from ekf_stub.ahrs.ahrs_base import AHRS_START_US, AhrsBase
 from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.ahrs.vehicle_state import compass_in_use
 from mav_handlers.signing import KeyStore, MemoryKeyStore
+from mav_handlers.transfers.mission_items import ItemStore, MemoryItemStore
 from viso.firmware.releases import DEFAULT, Firmware
 from viso.logs.files import LogStore
 from viso.logs.logger import LogSink
@@ -72,6 +73,7 @@ class VehicleConfig:
         open_log: opens the next log; None for no logging, or for the next one of ``log_store``.
         log_store: the folder of logs, which clients may list, download and erase.
         param_store: where parameters are kept over a restart.
+        item_store: where missions, fences and rally points are kept over a restart.
         signing_store: where the signing key is kept.
         firmware: which release it is.
         boot_utc_us: time of day at boot, 0 when unknown.
@@ -87,6 +89,7 @@ class VehicleConfig:
     open_log: Callable[[], LogSink] | None = None
     log_store: LogStore | None = None
     param_store: StoredParams = field(default_factory=MemoryParamStore)
+    item_store: ItemStore = field(default_factory=MemoryItemStore)
     signing_store: KeyStore = field(default_factory=MemoryKeyStore)
     firmware: Firmware = DEFAULT
     boot_utc_us: int = 0

@@ -12,6 +12,7 @@ get the vehicle, and take what they need of its parts; all others get the object
 the class is what the endpoint asks of the vehicle itself.
 """
 
+from collections.abc import Mapping
 from typing import Final
 
 from ap_core.cint import i16
@@ -32,6 +33,7 @@ from mav_handlers.endpoint import MavEndpoint
 from mav_handlers.senders.status import system_text
 from mav_handlers.statustext import TEXT_FIELD_LEN, StatusTextQueue
 from mav_handlers.transfers.log_transfer import LogTransfer
+from mav_handlers.transfers.mission_items import FenceItems, ItemList, KeptItems, MissionType
 from viso.logs.library import NoLogs, StoredLogs
 from viso.logs.logger import Logger
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME, VehicleLog
@@ -156,9 +158,15 @@ class Vehicle:
         self.battery_monitor = self.params.get_int("BATT_MONITOR")
         self.origin = Origin(self)
         self.copter = Copter(self)
+        self._plans_kept = config.item_store
+        plans = self._plans_kept.load()
+        self.copter.mission.load(plans.get(MissionType.MISSION, ()))
+        self._fence = FenceItems(plans.get(MissionType.FENCE, ()))
+        self._rally = KeptItems(plans.get(MissionType.RALLY, ()))
         self._last_location: Location | None = None
         self._internal_errors_told = 0
         self._kept_generation = 0
+        self._kept_changes = self._item_changes()
         self.reboot_requested = False
         self.signing_store = config.signing_store
         self.files = VehicleFiles(
@@ -331,6 +339,7 @@ class Vehicle:
         self.endpoint.conclude()
         self.log.statistics(self.endpoint.channels)
         self._keep_parameters()
+        self._keep_items()
 
     def _make_receiver(self) -> SimulatedGps | None:
         airframe, params = self.source.airframe, self.params.group(self.firmware.params.simulated_gps_prefix)
@@ -388,6 +397,7 @@ class Vehicle:
                 self.log.place(kind, place)
         if self.gps.introduction is not None:
             self.log.text(self.gps.introduction)
+        self.copter.mission.log_items()
 
     # Messages, and the end
 
@@ -396,21 +406,47 @@ class Vehicle:
         self.endpoint.receive_bytes(channel, data, self.clock.micros64(), read_us)
 
     def keep_set_parameters(self) -> None:
-        """Keep the parameters if one was set since the last time; what is sent after that confirms nothing unkept."""
+        """Keep parameters and missions if one was set since the last time.
+
+        What is sent after that confirms nothing unkept.
+        """
         if self.params.stored_generation != self._kept_generation:
             self._keep_parameters(synced=False)
+        if self._item_changes() != self._kept_changes:
+            self._keep_items(synced=False)
+
+    def _item_changes(self) -> int:
+        return self.copter.mission.changes + self._fence.changes + self._rally.changes
+
+    def _keep_items(self, *, synced: bool = True) -> None:
+        self._kept_changes = self._item_changes()
+        plans = {
+            MissionType.MISSION: self.copter.mission.items,
+            MissionType.FENCE: self._fence.items,
+            MissionType.RALLY: self._rally.items,
+        }
+        self._plans_kept.save_if_changed(plans, synced=synced)
 
     def _keep_parameters(self, *, synced: bool = True) -> None:
         self._kept_generation = self.params.stored_generation
         self._config.param_store.save_if_changed(self.params.stored_values(), synced=synced)
 
     def close(self) -> None:
-        """Close the log properly, and keep the parameters."""
+        """Close the log properly, and keep parameters and missions."""
         self.endpoint.ftp.close()
         self.logger.close()
         self._keep_parameters()
+        self._keep_items()
 
     # What the endpoint asks
+
+    def item_lists(self) -> Mapping[MissionType, ItemList]:
+        """Return what clients may upload: mission, fence and rally points."""
+        return {
+            MissionType.MISSION: self.copter.mission,
+            MissionType.FENCE: self._fence,
+            MissionType.RALLY: self._rally,
+        }
 
     def _uart_counts(self) -> list[UartCounts]:
         return [

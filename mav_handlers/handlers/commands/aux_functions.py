@@ -33,6 +33,7 @@ class AuxSource(IntEnum):
 
     RC = 1
     MAVLINK = 3
+    MISSION = 4
 
 
 def _align_visual_odom(vehicle: "Vehicle", position: int) -> None:
@@ -55,7 +56,7 @@ AUX_FUNCTIONS: Final[Mapping[int, Callable[["Vehicle", int], None]]] = {
 def run_aux_function(vehicle: "Vehicle", function: int, position: int, source: AuxSource, index: int) -> bool:
     """Run a function and log it; return whether there is one of that number (RC_Channel::run_aux_function).
 
-    ``index`` is the channel of the radio or the number of the link, from 0.
+    ``index`` is the channel of the radio or the number of the link, from 0, or of the mission's item.
     """
     run = AUX_FUNCTIONS.get(function)
     if run is not None:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 GUIDED: Final = 4
 CHANGE_MODE: Final = 1
-AIRSPEED: Final = 0
-GROUND_SPEED: Final = 1
+SPEED_TYPES: Final = range(4)
+"""Airspeed, ground speed, climb rate, descent rate."""
 FULL_TURN_DEG: Final = 360.0
 
 
@@ -61,15 +61,16 @@ def condition_yaw(ctx: Context, command: COMMAND_INT) -> MavResult:
 
 
 def do_change_speed(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Set the speed towards targets to param2 m/s; climb and descent rates stay those of the parameters."""
+    """Set the speed towards targets, or with param1 of 2 or 3 the climb or descent rate, to param2 m/s."""
     flight = ctx.vehicle.copter.flight
     if flight is None:
         return MavResult.UNSUPPORTED
     if not 0.0 < command.param2 < math.inf:
         return MavResult.DENIED if ctx.vehicle.release.refuses_speed_of_0 else MavResult.FAILED
-    if int_of_float(command.param1) not in (AIRSPEED, GROUND_SPEED):
+    kind = int_of_float(command.param1)
+    if kind not in SPEED_TYPES:
         return MavResult.FAILED
-    flight.change_speed(command.param2)
+    flight.change_speed(kind, command.param2)
     return MavResult.ACCEPTED
 
 

@@ -4,8 +4,9 @@
 
 from typing import Final
 
-from ap_core.cint import int_of_float, u8
+from ap_core.cint import int_of_float, u8, u16
 from ap_core.fmath import f32, is_zero
+from ap_core.param_info import is_equal
 from mav_handlers.channel import Context
 from mav_handlers.handlers.commands.results import MavResult, accepted_if, u32_of_float
 from mav_handlers.wire.messages import COMMAND_INT
@@ -58,10 +59,47 @@ def nav_land(ctx: Context, _command: COMMAND_INT) -> MavResult:
 
 
 def mission_start(ctx: Context, command: COMMAND_INT) -> MavResult:
-    """Enter AUTO; a range of mission items is not supported."""
+    """Enter AUTO and begin; a range of mission items is not supported (handle_MAV_CMD_MISSION_START)."""
     if not is_zero(f32(command.param1)) or not is_zero(f32(command.param2)):
         return MavResult.DENIED
-    return accepted_if(ctx.vehicle.copter.set_mode(AUTO))
+    copter = ctx.vehicle.copter
+    if not copter.set_mode(AUTO):
+        return MavResult.FAILED
+    if copter.is_armed():
+        copter.landing.allow_lift_off()
+    copter.mission.start_unless_running()
+    return MavResult.ACCEPTED
+
+
+def do_set_mission_current(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Go on with the item of number param1; param2 of 1 restarts the mission there.
+
+    Source: GCS_MAVLINK::handle_command_do_set_mission_current.
+    """
+    mission, seq = ctx.vehicle.copter.mission, u32_of_float(command.param1)
+    if u16(seq) >= mission.count():
+        return MavResult.DENIED
+    restarts = is_equal(f32(command.param2), f32(1))
+    if restarts:
+        mission.reset()
+    if not mission.set_current(u16(seq)):
+        return MavResult.FAILED
+    if restarts:
+        mission.resume()
+    ctx.channel.request("MISSION_CURRENT")
+    return MavResult.ACCEPTED
+
+
+def do_jump_tag(ctx: Context, command: COMMAND_INT) -> MavResult:
+    """Go on at the first JUMP_TAG of number param1 (GCS_MAVLINK::handle_command_do_jump_tag)."""
+    mission, tag = ctx.vehicle.copter.mission, u32_of_float(command.param1)
+    if tag != u16(tag):
+        return MavResult.DENIED
+    seq = mission.tagged(tag)
+    if not seq or not mission.set_current(seq):
+        return MavResult.FAILED
+    ctx.channel.request("MISSION_CURRENT")
+    return MavResult.ACCEPTED
 
 
 def nav_takeoff(ctx: Context, command: COMMAND_INT) -> MavResult:

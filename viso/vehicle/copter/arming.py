@@ -32,6 +32,7 @@ class ArmMethod(IntEnum):
 
     MAVLINK = 1
     LANDED = 13
+    MISSIONEXIT = 14
     DISARMDELAY = 17
     DDS = 35
 

@@ -27,6 +27,8 @@ CHECK_RANGEFINDER: Final = 1 << 15
 CHECK_VISION: Final = 1 << 18
 GPS_FIX_3D: Final = 3
 AHRS_GPS_ERROR_MAX_M: Final = 10
+AUTO_ALLOWS_ARMING: Final = 1 << 0
+"""A bit of AUTO_OPTIONS."""
 LEAN_LIMIT_DEG: Final = 30.0
 """ANGLE_MAX's default."""
 
@@ -134,8 +136,9 @@ class ArmingChecks:
         return "Downloading logs" if self._vehicle.log_transfer.is_active else None
 
     def mission(self) -> str | None:
-        """AUTO has a mission; there is none here (mission_checks)."""
-        return "Mode requires mission" if self._mode().number == ModeNumber.AUTO else None
+        """AUTO has a mission (mission_checks)."""
+        lacks_one = self._mode().number == ModeNumber.AUTO and not self._vehicle.copter.mission.is_present()
+        return "Mode requires mission" if lacks_one else None
 
     def ranges(self) -> str | None:
         """All range finders work (rangefinder_checks)."""
@@ -158,6 +161,8 @@ class ArmingChecks:
     def mode(self) -> str | None:
         """The mode may be armed in."""
         mode = self._mode()
+        if mode.number == ModeNumber.AUTO and self._vehicle.params.get_int("AUTO_OPTIONS") & AUTO_ALLOWS_ARMING:
+            return None
         return None if mode.arms else f"{self._vehicle.copter.modes.name_of(mode)} mode not armable"
 
     def lean_angle(self) -> str | None:

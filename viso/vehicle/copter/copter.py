@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 
 from ap_core.cint import u8
 from ap_core.clock import NEVER
-from mav_handlers.handlers.missions import Mission
 from viso.vehicle.copter.arming import Arming, ArmMethod
 from viso.vehicle.copter.arming_checks import ArmingChecks
 from viso.vehicle.copter.ekf_check import EkfCheck
@@ -16,6 +15,7 @@ from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.flying.flight_control import FlightControl
 from viso.vehicle.copter.home import Home
 from viso.vehicle.copter.landing import Landing
+from viso.vehicle.copter.mission import Mission
 from viso.vehicle.copter.modes import AvailableMode, FlightModes, ModeNumber, ModeReason
 from viso.vehicle.copter.motors import Motors
 from viso.vehicle.copter.receiver import Receiver
@@ -48,6 +48,7 @@ class Copter:
 
     Attributes:
         receiver, switches: of the pilot's radio.
+        mission: what it flies in AUTO.
         flight: who flies it; None if nobody does.
         safety_on: the safety switch keeps the motors off.
         disarmed_us: when it was disarmed, or arming it failed; None before the first time.
@@ -61,7 +62,7 @@ class Copter:
             vehicle, has_position=self.estimates.has_position, is_armed=self.is_armed, act=self._act_on_ekf_failure
         )
         self.safety_on = False
-        self.mission = Mission(counts_home=vehicle.release.counts_home)
+        self.mission = Mission(vehicle, lambda: self.home.place)
         self.home = Home(vehicle, self.is_armed, self.mission)
         self.modes = FlightModes(vehicle, self.estimates, self.home, self.is_armed)
         self._motors = Motors(vehicle)
@@ -82,7 +83,9 @@ class Copter:
 
     def _make_flight(self, airframe: Airframe) -> FlightControl:
         parts = self.modes, self.landing, self.estimates, self.home, self.receiver
-        return FlightControl(airframe, self._vehicle, *parts)
+        flight = FlightControl(airframe, self._vehicle, *parts, self._disarm)
+        self.mission.crew = flight.auto
+        return flight
 
     def _act_on_ekf_failure(self) -> str | None:
         """Leave a mode that needs a position, as FS_EKF_ACTION has it; return the new one's name if it was left.
@@ -166,6 +169,8 @@ class Copter:
         if self._mode_has_changed:
             self._mode_has_changed = False
             changed.append("HEARTBEAT")
+        if self.mission.take_reached():
+            changed.append("MISSION_ITEM_REACHED")
         return changed
 
     def check_estimator(self) -> None:
@@ -177,11 +182,11 @@ class Copter:
         is_told = self._vehicle.source.expected() is not None
         may_change = not is_told and self.landing.may_expect(armed=self.arming.armed)
         # Whether the estimator has a position may change in any pass.
-        may_be_stable = self._was_stable or self.landing.is_taking_off() or self.modes.current.lands
+        may_be_stable = self._was_stable or self.landing.is_taking_off() or self.landing.lands()
         return 0 if may_change or may_be_stable else NEVER
 
     def _is_stable(self) -> bool:
-        return (self.landing.is_taking_off() or self.modes.current.lands) and self.estimates.position_ok()
+        return (self.landing.is_taking_off() or self.landing.lands()) and self.estimates.position_ok()
 
     def expect_ground(self) -> None:
         """See whether take-off or touchdown is near, and let heights count from the ground then; 50 times per second.
@@ -301,4 +306,5 @@ class Copter:
         self.disarmed_us = self._vehicle.clock.micros64()
         self.landing.note_disarmed()
         self._motors.disarm()
+        self.mission.reset()
         return True

@@ -10,8 +10,8 @@ from ap_core.clock import NEVER
 from ap_core.fmath import f32, is_zero
 from ap_core.location import Location
 from ap_core.print_format import fixed
-from mav_handlers.handlers.missions import Mission
 from viso.logs.vehicle_log import ORGN_EKF, ORGN_HOME
+from viso.vehicle.copter.mission import Mission
 
 if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle

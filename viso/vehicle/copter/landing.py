@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from ap_core.clock import NEVER
-from viso.vehicle.copter.modes import FlightModes, Mode, ModeNumber, UserTakeoff
+from viso.vehicle.copter.modes import MODES, FlightModes, Mode, ModeNumber, UserTakeoff
 from viso.vehicle.copter.motors import Motors
 from viso.vehicle.copter.receiver import Receiver
 
@@ -50,6 +50,7 @@ class Landing:
         expected: whether a take-off is expected, and whether a touchdown is: air under rotors misleads barometers.
         is_from_log: somebody else tells when it lifts off, lands and is disarmed.
         is_flown: somebody flies it.
+        is_landing_in_auto: the mission has come to a landing.
         grounded_since_us: since when it has stood on the ground in a descent, of one that is flown; else None.
     """
 
@@ -73,6 +74,7 @@ class Landing:
         self.expected = False, False
         self.is_from_log = vehicle.source.flight is not None and vehicle.source.flight.tells_flying
         self.is_flown = vehicle.source.airframe is not None
+        self.is_landing_in_auto = False
         self.grounded_since_us: int | None = None
 
     def flying_since_us(self) -> int | None:
@@ -108,11 +110,29 @@ class Landing:
         self._takeoff = self._modes.current, self._down_m() - climb_m
         return True
 
-    def _spool_up(self) -> None:
-        self._lift_off_us = self._motors.lift_us()
+    def take_off_in_auto(self, down_m: float) -> None:
+        """Take off to a height, m below the origin, as soon as lifting off is allowed."""
+        self._takeoff = MODES[ModeNumber.AUTO], down_m
+
+    def lift_off_if_allowed(self) -> None:
+        """Lift an armed vehicle off, if it is to take off in AUTO and the throttle has been up (auto_armed)."""
+        if self._auto_armed and self.landed and self.is_taking_off() and self._lift_off_us is None:
+            self._spool_up()
+
+    def allow_lift_off(self) -> None:
+        """Take note that an armed vehicle may lift off by itself (Copter::set_auto_armed)."""
         if not self._auto_armed:
             self._auto_armed = True
             self._log.event(EV_AUTO_ARMED)
+
+    def _spool_up(self) -> None:
+        self._lift_off_us = self._motors.lift_us()
+        self.allow_lift_off()
+
+    def lands(self) -> bool:
+        """Return whether the mode, or in AUTO the mission, brings the vehicle down."""
+        mode = self._modes.current
+        return mode.lands or (mode.number == ModeNumber.AUTO and self.is_landing_in_auto)
 
     def _spools_up(self) -> bool:
         return self._lift_off_us is not None and (self._is_throttle_up or self.is_taking_off())
@@ -181,7 +201,7 @@ class Landing:
         if self.landed:
             takes_off, self._grounded_us = True, now_us
         climbed = now_us - self._grounded_us > TAKEOFF_US or self._armed_down_m - self._down_m() > TAKEOFF_CLIMB_M
-        velocity = self._ahrs.get_velocity_NED() if mode.lands else None
+        velocity = self._ahrs.get_velocity_NED() if self.lands() else None
         sinks_slowly = (
             velocity is not None
             and math.hypot(float(velocity.x), float(velocity.y)) < SLOW_M_S
@@ -191,7 +211,7 @@ class Landing:
 
     def may_expect(self, *, armed: bool) -> bool:
         """Return whether ``expect`` may change anything now."""
-        return any(self.expected) or (armed and (self.landed or self._modes.current.lands))
+        return any(self.expected) or (armed and (self.landed or self.lands()))
 
     def _set_landed(self, landed: bool) -> None:
         if landed != self.landed:
@@ -226,5 +246,8 @@ class Landing:
 
     def has_landed_by_itself(self) -> bool:
         """Return whether a mode that lands is done (ModeLand::run, ModeRTL::land_run)."""
-        is_idle = self.landed and self._clock.micros64() >= self._motors.idle_us()
-        return is_idle and not self.is_from_log and self._modes.current.lands
+        return self.has_idled() and not self.is_from_log and self._modes.current.lands
+
+    def has_idled(self) -> bool:
+        """Return whether it stands on the ground and its motors have spooled down."""
+        return self.landed and self._clock.micros64() >= self._motors.idle_us()

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 ERR_SUBSYSTEM_FLIGHT_MODE: Final = 10
 
+_MAV_SEVERITY_CRITICAL: Final = 2
 _MAV_SEVERITY_WARNING: Final = 4
 _NON_STANDARD: Final = 0
 _NO_PROPERTIES: Final = 0
@@ -31,6 +32,7 @@ class ModeReason(IntEnum):
     RC_COMMAND = 1
     GCS_COMMAND = 2
     EKF_FAILSAFE = 6
+    MISSION_END = 8
     INITIALISED = 26
     DDS_COMMAND = 52
 
@@ -202,6 +204,10 @@ class FlightModes:
         failure = self._failure(mode)
         if failure is not None:
             return self._refuse(f"Mode change to {self.name_of(mode)} failed: {failure}", number)
+        mission = self._vehicle.copter.mission
+        mission.stop()
+        if number == ModeNumber.AUTO and mission.crew is not None:
+            mission.wait_to_start()
         self.current = mode
         self.reason = reason
         self.log_mode()
@@ -232,8 +238,20 @@ class FlightModes:
             self._texts.send_text(_MAV_SEVERITY_WARNING, _TEXTS[mode.number])
         if mode.number in _NEVER_ENTERED:
             return False
-        if mode.number in (ModeNumber.AUTO, ModeNumber.THROW):  # there is no mission, and no throwing once armed
+        if mode.number == ModeNumber.AUTO:
+            return not self._is_armed() or self._has_mission()
+        if mode.number == ModeNumber.THROW:
             return not self._is_armed()
         if mode.number == ModeNumber.RTL:
             return not self._is_armed() or self._home.place is not None
         return mode.number != ModeNumber.SMART_RTL or self._home.has_return_path
+
+    def _has_mission(self) -> bool:
+        """Return whether a mission can be flown; on the ground it has to begin with a take-off (ModeAuto::init)."""
+        copter = self._vehicle.copter
+        if copter.mission.crew is None or not copter.mission.is_present():
+            return False
+        if copter.landing.landed and not copter.mission.starts_with_takeoff():
+            self._texts.send_text(_MAV_SEVERITY_CRITICAL, "Auto: Missing Takeoff Cmd")
+            return False
+        return True

@@ -44,8 +44,8 @@ class Flight:
     def turn_to(self, yaw_rad: float, slew_rad_s: float, direction: int, *, is_relative: bool) -> None:
         self.told.append((round(math.degrees(yaw_rad)), round(math.degrees(slew_rad_s)), direction, is_relative))
 
-    def change_speed(self, speed_m_s: float) -> None:
-        self.told.append(speed_m_s)
+    def change_speed(self, kind: int, speed_m_s: float) -> None:
+        self.told.append((kind, speed_m_s))
 
 
 @pytest.fixture
@@ -193,11 +193,18 @@ def test_condition_yaw(
 
 @pytest.mark.parametrize(
     ("kind", "speed", "result"),
-    [(1, 3.0, ACCEPTED), (0, 3.0, ACCEPTED), (2, 3.0, FAILED), (1, 0.0, DENIED), (1, math.nan, DENIED)],
+    [
+        (1, 3.0, ACCEPTED),
+        (0, 3.0, ACCEPTED),
+        (3, 3.0, ACCEPTED),
+        (4, 3.0, FAILED),
+        (1, 0.0, DENIED),
+        (1, math.nan, DENIED),
+    ],
 )
 def test_change_of_speed(bench: "Bench", flight: Flight, kind: int, speed: float, result: int) -> None:
     assert bench.client.command(CHANGE_SPEED, kind, speed) == result
-    assert flight.told == ([speed] if result == ACCEPTED else [])
+    assert flight.told == ([(kind, speed)] if result == ACCEPTED else [])
 
 
 @pytest.mark.parametrize(

@@ -2,17 +2,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Placeholders: the reference simulator's parked vehicle."""
 
-import math
 from typing import TYPE_CHECKING
-
-import pytest
 
 from mav_handlers.senders.parked import (
     battery_status,
     hwstatus,
     meminfo,
-    mission_current,
-    nav_controller_output,
     power_status,
     rc_channels,
     rc_channels_raw,
@@ -22,8 +17,6 @@ from mav_handlers.senders.sys_status import sys_status
 from mav_handlers.wire.messages import (
     HWSTATUS,
     MEMINFO,
-    MISSION_CURRENT,
-    NAV_CONTROLLER_OUTPUT,
     POWER_STATUS,
     RC_CHANNELS,
     RC_CHANNELS_RAW,
@@ -42,10 +35,9 @@ def test_board_has_five_volts(desk: "Desk") -> None:
     assert desk.ask(hwstatus) == HWSTATUS(5000, 0)
 
 
-def test_power_and_controller_are_withheld_until_initialised(make_bench: "MakeBench") -> None:
+def test_power_is_withheld_until_initialised(make_bench: "MakeBench") -> None:
     bare = make_bench(until_ms=0)
     assert power_status(bare.vehicle, bare.client.channel, 0) is None
-    assert nav_controller_output(bare.vehicle, bare.client.channel, 0) is None
 
 
 def test_free_memory_is_told_in_full_in_the_extension_only(desk: "Desk") -> None:
@@ -63,18 +55,6 @@ def test_battery_is_the_same_in_sys_status(desk: "Desk") -> None:
     battery, status = desk.ask(battery_status), desk.ask(sys_status)
     assert status.voltage_battery == battery.voltages[0]
     assert (status.current_battery, status.battery_remaining) == (battery.current_battery, battery.battery_remaining)
-
-
-@pytest.mark.parametrize(("yaw_deg", "bearing"), [(0, 0), (90.7, 90), (-90.7, -90)])
-def test_controllers_want_the_present_attitude(desk: "Desk", yaw_deg: float, bearing: int) -> None:
-    desk.ahrs.face(math.radians(10), math.radians(-20), math.radians(yaw_deg))
-    now = desk.ask(nav_controller_output)
-    assert (now.nav_roll, now.nav_pitch) == pytest.approx((10, -20))
-    assert now == NAV_CONTROLLER_OUTPUT(now.nav_roll, now.nav_pitch, bearing, 0, 0, 0, 0, 0)
-
-
-def test_there_is_no_mission(desk: "Desk") -> None:
-    assert desk.ask(mission_current) == MISSION_CURRENT(seq=0, total=0, mission_state=1, mission_mode=0)
 
 
 def test_four_motors_rest(desk: "Desk") -> None:

@@ -99,6 +99,7 @@ class ReturnHome:
             target_m = min(target_m, max(way_m * limits.rtl_cone_slope, least_m))
         self._down_m = self._home[2] - max(target_m, height_m)
         self._stage = _Stage.CLIMB
+        steering.destination = self._home
         steering.heading.hold()
 
     def run(self) -> Lean | None:

@@ -6,7 +6,7 @@ It knows where the vehicle is by the vehicle's own estimate alone. An estimate t
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -16,7 +16,9 @@ from ap_core.param import FromParams
 from ap_core.vector3 import Vector3f
 from ekf_stub.core.inertial import GRAVITY_MSS
 from mav_handlers.handlers.commands.flight import GuidedTarget
+from viso.vehicle.copter.arming import ArmMethod
 from viso.vehicle.copter.estimates import Estimates
+from viso.vehicle.copter.flying.auto import Auto
 from viso.vehicle.copter.flying.descents import Land, ReturnHome
 from viso.vehicle.copter.flying.guided import Guided
 from viso.vehicle.copter.flying.piloted import Brake, HoldHeight, Loiter
@@ -79,6 +81,7 @@ class FlightControl:
         estimates: Estimates,
         home: Home,
         receiver: Receiver,
+        disarm: Callable[[ArmMethod], object],
     ) -> None:
         self._airframe = airframe
         self._source = vehicle.source
@@ -93,9 +96,11 @@ class FlightControl:
         self.guided = Guided(self._steering)
         self.land = Land(self._steering, estimates.position_ok, self._height_m)
         self._returns = ReturnHome(self._steering, self.land, self._home_ned)
+        self.auto = Auto(vehicle, self._steering, landing, self.land, self._returns, self.place_ned, disarm)
         loiter, height = Loiter(self._steering), HoldHeight(self._steering)
         self._modes: Mapping[int, _Mode] = {
             ModeNumber.GUIDED: self.guided,
+            ModeNumber.AUTO: self.auto,
             ModeNumber.LAND: self.land,
             ModeNumber.RTL: self._returns,
             ModeNumber.SMART_RTL: self._returns,
@@ -113,11 +118,21 @@ class FlightControl:
 
     def idle_until_us(self, *, armed: bool) -> int:
         """Return before when ``update`` has nothing to do: until it decides next, or for ever with motors off."""
-        return self._next_us if armed or self._is_flying else NEVER
+        return self._next_us if armed or self._is_flying or self._is_auto() else NEVER
+
+    def _is_auto(self) -> bool:
+        return self._flight_modes.current.number == ModeNumber.AUTO
 
     def is_landing(self) -> bool:
-        """Return whether RTL has come to its end, the landing."""
+        """Return whether RTL or a mission has come to its end, the landing."""
+        if self._is_auto():
+            return self.auto.is_landing()
         return self._mode is self._returns and self._returns.is_landing()
+
+    def way_to_target(self) -> tuple[float, float]:
+        """Return how far it is to where the vehicle is going, m north and east; 0 if it is going nowhere."""
+        here, target = self._estimate().pos, self._steering.destination
+        return (0.0, 0.0) if here is None or target is None else (target[0] - here[0], target[1] - here[1])
 
     def guide(self, target: GuidedTarget | None) -> None:
         """Obey a target in GUIDED, or stay where the vehicle is."""
@@ -146,9 +161,9 @@ class FlightControl:
         """Look somewhere (CONDITION_YAW); ``Heading.turn_to`` has the arguments."""
         self._steering.heading.turn_to(yaw_rad, slew_rad_s, direction, is_relative=is_relative)
 
-    def change_speed(self, speed_m_s: float) -> None:
-        """Fly to targets with another horizontal speed until the mode changes (DO_CHANGE_SPEED)."""
-        self._steering.speed = speed_m_s
+    def change_speed(self, kind: int, speed_m_s: float) -> None:
+        """Fly to targets with another speed until the mode changes; ``kind`` is DO_CHANGE_SPEED's param1."""
+        self.auto.change_speed(kind, speed_m_s)
 
     def place_ned(self, place: Location) -> Three | None:
         """Return where a place is, m from the origin; None without one."""
@@ -184,6 +199,8 @@ class FlightControl:
         steering.estimate = self._estimate()
         if armed and self._landing.landed and self._is_piloted():
             self._landing.heed_throttle(is_up=steering.sticks.throttle > 0)
+        if self._is_auto():
+            self.auto.step(armed=armed)
         if not armed or self._landing.landed:
             self._idle()
         else:
@@ -227,7 +244,10 @@ class FlightControl:
         self._watch_ground()
 
     def _enter(self, mode: _Mode) -> None:
-        self._mode, self._steering.speed = mode, None
+        self._mode = mode
+        if mode is not self.auto:  # whose mission may have asked for a speed on the ground already
+            self._steering.forget_speeds()
+            self._steering.destination = None
         mode.enter()
 
     def _climb_out(self) -> None:

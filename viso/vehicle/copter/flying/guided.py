@@ -50,6 +50,7 @@ class Guided:
         if is_late:
             steering.heading.stop_turning()
         moves = target is not None and not is_late and (target.vel_ned_m_s or target.acc_ned_m_s2)
+        steering.destination = self._place
         if self._place is not None:
             if moves and target is not None and target.vel_ned_m_s is not None:  # the place moves on with it
                 north, east, down = (

@@ -10,6 +10,7 @@ TURN: Final = 2.0 * math.pi
 GAIN_PER_S: Final = 3.0
 JUMP_RAD: Final = math.radians(5.0)
 """An estimate that turns so much at once was reset."""
+NEAR_RAD: Final = math.radians(2.0)
 LOOK_AHEAD_ABOVE_M_S: Final = 0.3
 
 
@@ -57,6 +58,11 @@ class Heading:
             if direction * self._left_rad < 0:
                 self._left_rad += direction * TURN
         self._how, self._slew_rad_s = _How.ANGLE, slew_rad_s or math.inf
+
+    def has_turned(self, yaw_rad: float) -> bool:
+        """Return whether the vehicle looks where it was to turn to, and see to it (reached_fixed_yaw_target)."""
+        self._how = _How.ANGLE
+        return not self._left_rad and abs(math.remainder(self.rad - yaw_rad, TURN)) <= NEAR_RAD
 
     def turn_at(self, rate_rad_s: float) -> None:
         """Keep turning, to the right."""

@@ -11,10 +11,12 @@ from viso.parameters.flying import FlyingParameters
 from viso.vehicle.copter.flying.heading import Heading
 from viso.vehicle.copter.flying.position_control import Estimate, Pace, PositionControl
 from viso.vehicle.copter.receiver import CENTRED, Sticks
-from viso.vehicle.sensors.vectors import ZERO
+from viso.vehicle.sensors.vectors import ZERO, Three
 
 PERIOD_S: Final = 0.02
 """How often the controller decides."""
+
+LEAST_RADIUS_M: Final = 0.05
 
 
 class Lean(NamedTuple):
@@ -39,6 +41,7 @@ class Limits:
     wpnav_speed_dn: float
     wpnav_accel: float
     wpnav_accel_z: float
+    wpnav_radius: float
     loit_speed: float
     loit_acc_max: float
     pilot_speed_up: float
@@ -73,6 +76,7 @@ class Limits:
             wpnav_speed_dn=down,
             wpnav_accel=rate("WPNAV_ACCEL"),
             wpnav_accel_z=rate("WPNAV_ACCEL_Z"),
+            wpnav_radius=max(value("WPNAV_RADIUS"), LEAST_RADIUS_M),
             loit_speed=rate("LOIT_SPEED"),
             loit_acc_max=rate("LOIT_ACC_MAX"),
             pilot_speed_up=up,
@@ -98,7 +102,9 @@ class Steering:
         way, heading: what a mode moves on.
         limits, estimate, sticks: as they are now.
         now_us: time since boot.
-        speed: what DO_CHANGE_SPEED asked for in place of WPNAV_SPEED, m/s; None before.
+        speed, speed_up, speed_down: what DO_CHANGE_SPEED asked for in place of WPNAV_SPEED, WPNAV_SPEED_UP and
+            WPNAV_SPEED_DN, m/s; None before.
+        destination: where it is going, m from the origin; None if nowhere.
     """
 
     def __init__(self, limits: Limits) -> None:
@@ -108,7 +114,14 @@ class Steering:
         self.estimate = Estimate(None, ZERO, 0.0)
         self.sticks: Sticks = CENTRED
         self.now_us = 0
+        self.forget_speeds()
+        self.destination: Three | None = None
+
+    def forget_speeds(self) -> None:
+        """Fly as fast as the parameters say."""
         self.speed: float | None = None
+        self.speed_up: float | None = None
+        self.speed_down: float | None = None
 
     def restart(self) -> None:
         """Begin where the vehicle is."""
@@ -119,4 +132,5 @@ class Steering:
         """Return the pace on the way to a target."""
         limits = self.limits
         speed = self.speed or limits.wpnav_speed
-        return Pace(speed, limits.wpnav_accel, limits.wpnav_speed_up, limits.wpnav_speed_dn, limits.wpnav_accel_z)
+        up, down = self.speed_up or limits.wpnav_speed_up, self.speed_down or limits.wpnav_speed_dn
+        return Pace(speed, limits.wpnav_accel, up, down, limits.wpnav_accel_z)

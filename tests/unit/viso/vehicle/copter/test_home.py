@@ -38,7 +38,7 @@ def test_home_is_where_the_vehicle_is_as_soon_as_that_is_known(rig: "CopterRig")
     rig.run_for(0.1)
     assert rig.copter.home.place == PLACE
     assert not rig.copter.home.locked
-    assert rig.copter.mission.item_count == 1
+    assert rig.copter.mission.count() == 1
 
 
 def test_first_home_is_an_event_and_origin_and_home_are_logged(rig: "CopterRig") -> None:
