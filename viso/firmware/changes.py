@@ -106,6 +106,7 @@ def _further(firmware: Firmware) -> Iterator[str]:
     for prefix, rows in (*further, ("SIM_VICON_", camera)):
         yield from (prefix + row.name for row in rows)
     yield firmware.params.simulated_gps_prefix + firmware.params.simulated_gps[0].name
+    yield "SIM_GPS2_" + firmware.params.second_simulated_gps[0].name
 
 
 _LIBRARY, _ENDPOINT, _SENSORS, _FILTER, _VEHICLE = "AP_VisualOdom", "MAVLink", "AP_OpticalFlow", "EKF3", "Copter"

@@ -41,6 +41,9 @@ def _boot(
     return ParamInfo(name, kind, default, text, unit, limits, reboot_required=True)
 
 
+EKF2: Final = (ParamInfo("ENABLE", INT8, 0, "Run EKF2", "", None, _OFF_ON, ParamFlag.ENABLE, reboot_required=True),)
+"""The EK2_ group; nothing but its switch is there."""
+
 _BEFORE_FLOW: Final = (
     ParamInfo("ENABLE", INT8, 1, "Run EKF3", "", None, _OFF_ON, ParamFlag.ENABLE, reboot_required=True),
     ParamInfo("VELNE_M_NSE", FLOAT, 0.3, "Noise of horizontal velocity", "m/s", (0.05, 5.0)),

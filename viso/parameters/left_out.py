@@ -60,7 +60,9 @@ LEFT_OUT: Final = (
         {"EK3_MAG_MASK": 0},
     ),
     LeftOut("airspeed", "airspeed is not fused here", {"ARSPD_TYPE": 0}),
+    LeftOut("EKF2", "there is no EKF2 here", {"EK2_ENABLE": 0}),
     LeftOut("External AHRS", "there is no External AHRS here", {"EAHRS_TYPE": 0, "AHRS_EKF_TYPE": _EXTERNAL}),
+    LeftOut("wind", "there is no wind here", {"SIM_WIND_SPD": 0}, is_of_estimator=False),
     LeftOut("fences", "the vehicle does not keep to fences here", {"FENCE_ENABLE": 0}, is_of_estimator=False),
 )
 

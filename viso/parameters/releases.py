@@ -81,6 +81,7 @@ class ParameterRelease:
         flying: how the vehicle flies.
         vicon: the group of the simulator's own camera.
         simulated_gps_prefix, simulated_gps: that of its GPS.
+        second_simulated_gps: that of its second GPS.
         failsafe: top-level entries that follow the ARMING_ group.
     """
 
@@ -103,6 +104,7 @@ class ParameterRelease:
     vicon: Sequence[ParamInfo] = sensors.VICON
     simulated_gps_prefix: str = "SIM_GPS1_"
     simulated_gps: Sequence[ParamInfo] = sensors.SIMULATED_GPS
+    second_simulated_gps: Sequence[ParamInfo] = sensors.SECOND_SIMULATED_GPS
     failsafe: Sequence[ParamInfo] = copter.FAILSAFE
 
 
@@ -269,6 +271,7 @@ STABLE_4_6: Final = ParameterRelease(
     vicon=sensors.VICON_IN_4_6,
     simulated_gps_prefix="SIM_GPS_",
     simulated_gps=sensors.SIMULATED_GPS_IN_4_6,
+    second_simulated_gps=sensors.SECOND_SIMULATED_GPS_IN_4_6,
     failsafe=copter.FAILSAFE_IN_4_6,
 )
 

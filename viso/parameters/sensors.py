@@ -20,11 +20,15 @@ from viso.parameters.copter import FLOAT, INT8, INT16, INT32
 VECTOR3F: Final = ParamType.VECTOR3F
 
 _ZERO: Final = (0.0, 0.0, 0.0)
+_ONE: Final = (1.0, 1.0, 1.0)
 _OFF_ON: Final = {0: "Disabled", 1: "Enabled"}
+_NO_YES: Final = {0: "No", 1: "Yes"}
 _GPS_USE: Final = {0: "No", 1: "Position", 2: "Position and height"}
 _EKF_TYPE: Final = {0: "DCM", 2: "EKF2", 3: "EKF3", 10: "Simulation", 11: "External"}
 _BATTERY: Final = {0: "Disabled", 3: "Analog voltage", 4: "Analog voltage and current"}
 _GPS_TYPE: Final = {0: "None", 1: "Auto", 2: "uBlox", 5: "NMEA", 14: "MAVLink"}
+_GPS_SWITCH: Final = {0: "The primary one", 1: "The best", 2: "A blend", 4: "The primary one if it has a fix"}
+_FIRST_OR_SECOND: Final = {0: "The first", 1: "The second"}
 _ORIENTATION: Final = {int(rotation): rotation.name for rotation in Rotation}
 _RANGE_TYPE: Final = {0: "None", 10: "MAVLink"}
 _SIDES: Final = ("Forward", "Forward-Right", "Right", "Back-Right", "Back", "Back-Left", "Left", "Forward-Left")
@@ -68,8 +72,17 @@ def _imu_position(number: int) -> ParamInfo:
     return ParamInfo(f"_POS{number}", VECTOR3F, _ZERO, f"Place of IMU {number} on the vehicle", "m", (-5.0, 5.0))
 
 
+def _accelerometer(name: str, which: str) -> tuple[ParamInfo, ParamInfo]:
+    return (
+        ParamInfo(f"_{name}SCAL", VECTOR3F, _ONE, f"Scale of the {which} accelerometer", "", (0.8, 1.2)),
+        ParamInfo(f"_{name}OFFS", VECTOR3F, _ZERO, f"Offset of the {which} accelerometer", "m/s/s", (-3.5, 3.5)),
+    )
+
+
 INS: Final = (
-    ParamInfo("_ACCOFFS", VECTOR3F, _ZERO, "Offset of the first accelerometer", "m/s/s", (-3.5, 3.5)),
+    *_accelerometer("ACC", "first"),
+    *_accelerometer("ACC2", "second"),
+    *_accelerometer("ACC3", "third"),
     *(_imu_position(number) for number in (1, 2, 3)),
     ParamInfo("_GYR_ID", INT32, 0, "Device id of the first gyro, 0 for none"),
     ParamInfo("_ACC_ID", INT32, 0, "Device id of the first accelerometer, 0 for none"),
@@ -103,7 +116,12 @@ RTC: Final = (
     ParamInfo("_TZ_MIN", INT16, 0, "Local time less UTC", "min", (-720.0, 840.0)),
 )
 
+GPS: Final = (
+    ParamInfo("AUTO_SWITCH", INT8, 1, "Which of several GPS is used", values=_GPS_SWITCH),
+    ParamInfo("PRIMARY", INT8, 0, "The GPS that is used unless another is better", values=_FIRST_OR_SECOND),
+)
 GPS1: Final = (_enabling("TYPE", 1, "Kind of GPS", _GPS_TYPE),)
+GPS2: Final = (_enabling("TYPE", 0, "Kind of the second GPS", _GPS_TYPE),)
 
 SCHEDULER: Final = (
     ParamInfo("LOOP_RATE", INT16, 400, "Passes of the main loop", "Hz", (50.0, 400.0), reboot_required=True),
@@ -157,7 +175,9 @@ SIMULATION: Final = (ParamInfo("SPEEDUP", FLOAT, 1.0, "Vehicle seconds in one se
 """The simulator's own clock (SITL/SITL.cpp)."""
 
 
-def _simulated_gps(enabling: ParamInfo, glitch: str, lock_time: str, drift: str) -> tuple[ParamInfo, ...]:
+def _simulated_gps(
+    enabling: ParamInfo, glitch: str = "GLTCH", lock_time: str = "LCKTIME", drift: str = "DRFTALT"
+) -> tuple[ParamInfo, ...]:
     return (
         enabling,
         ParamInfo("LAG_MS", INT16, 100, "How old solutions are when they come", "ms"),
@@ -175,12 +195,40 @@ def _simulated_gps(enabling: ParamInfo, glitch: str, lock_time: str, drift: str)
 
 # The simulator's own GPS (SITL/SIM_GPS.cpp), which ``viso serve --imu fly`` has with GPS1_TYPE 1.
 SIMULATED_GPS_IN_4_6: Final = _simulated_gps(
-    ParamInfo("DISABLE", INT8, 0, "It has no fix", values={0: "No", 1: "Yes"}), "GLITCH", "LOCKTIME", "DRIFTALT"
+    ParamInfo("DISABLE", INT8, 0, "It has no fix", values=_NO_YES), "GLITCH", "LOCKTIME", "DRIFTALT"
 )
-SIMULATED_GPS: Final = _simulated_gps(
-    _enabling("ENABLE", 1, "It has a fix", {0: "No", 1: "Yes"}, reboot_required=False), "GLTCH", "LCKTIME", "DRFTALT"
-)
+SECOND_SIMULATED_GPS_IN_4_6: Final = _simulated_gps(ParamInfo("DISABLE", INT8, 1, "It is silent", values=_NO_YES))
+SIMULATED_GPS: Final = _simulated_gps(_enabling("ENABLE", 1, "It has a fix", _NO_YES, reboot_required=False))
 """Since 2025."""
+SECOND_SIMULATED_GPS: Final = _simulated_gps(_enabling("ENABLE", 0, "It is there", _NO_YES, reboot_required=False))
+
+# Other sensors of the simulator (SITL/SITL.cpp, SITL_Baro.cpp).
+SIMULATED_WIND: Final = (
+    ParamInfo("WIND_SPD", FLOAT, 0.0, "Speed of the wind", "m/s"),
+    ParamInfo("WIND_DIR", FLOAT, 180.0, "Where it comes from", "deg"),
+)
+SIMULATED_WIND_TYPE: Final = (ParamInfo("WIND_T", INT8, 0, "How it grows with the height"),)
+SIMULATED_COUNTS: Final = (
+    ParamInfo("IMU_COUNT", INT8, 2, "How many IMUs there are", "", (1.0, 3.0), reboot_required=True),
+    ParamInfo("BARO_COUNT", INT8, 2, "How many barometers there are", "", (0.0, 2.0), reboot_required=True),
+)
+
+
+def _simulated_barometer(noise_m: float) -> tuple[ParamInfo, ...]:
+    return (
+        ParamInfo("RND", FLOAT, noise_m, "Largest random error of the height", "m"),
+        ParamInfo("DRIFT", FLOAT, 0.0, "How fast the height drifts", "m/s"),
+        ParamInfo("DISABLE", INT8, 0, "It has no data", values=_NO_YES),
+        ParamInfo("GLITCH", FLOAT, 0.0, "Added to the height", "m"),
+        ParamInfo("FREEZE", INT8, 0, "It repeats the last height", values=_NO_YES),
+        ParamInfo("DELAY", INT16, 0, "How old heights are", "ms", (0.0, 500.0)),
+    )
+
+
+# FIRMWARE PARITY: the firmware's default of its noise is 0.2 m; the simulator's file of defaults makes it 0.
+FIRST_SIMULATED_BAROMETER: Final = _simulated_barometer(0.0)
+SECOND_SIMULATED_BAROMETER: Final = _simulated_barometer(0.2)
+
 
 # The simulator's own camera (SITL/SIM_Vicon.cpp): ``viso serve --imu fly --vision vicon``.
 VICON_IN_4_6: Final = (

@@ -17,7 +17,7 @@ from ap_core.param_group import ParamGroup
 from ap_core.param_info import ParamInfo, ParamType
 from viso.parameters import copter, sensors
 from viso.parameters.copter import FLOAT, INT8, INT16, INT32
-from viso.parameters.ekf3 import make_ekf3_group
+from viso.parameters.ekf3 import EKF2, make_ekf3_group
 from viso.parameters.flying import AFTER_FORMAT_VERSION, AFTER_INS, AFTER_RC
 from viso.parameters.releases import STABLE_4_7, ParameterRelease
 
@@ -146,12 +146,20 @@ def make_groups(
         _object("AHRS_", (*sensors.AHRS, *release.more_ahrs), "AHRS_"),
         _object("BATT_", sensors.BATTERY, "BATT"),
         _object("BRD_RTC", sensors.RTC, "BRD_"),
-        _object("SIM_", sensors.SIMULATION, "SIM_"),
+        _object("SIM_", (*sensors.SIMULATED_WIND, *sensors.SIMULATION), "SIM_"),
         _object(release.simulated_gps_prefix, release.simulated_gps, "SIM_"),
+        _object("SIM_GPS2_", release.second_simulated_gps, "SIM_"),
+        _object("SIM_", sensors.SIMULATED_COUNTS, "SIM_"),
+        _object("SIM_BARO_", sensors.FIRST_SIMULATED_BAROMETER, "SIM_"),
+        _object("SIM_BAR2_", sensors.SECOND_SIMULATED_BAROMETER, "SIM_"),
         _object("SIM_VICON_", release.vicon, "SIM_"),
+        _object("SIM_", sensors.SIMULATED_WIND_TYPE, "SIM_"),
+        _object("GPS_", sensors.GPS, "GPS"),
         _object("GPS1_", sensors.GPS1, "GPS"),
+        _object("GPS2_", sensors.GPS2, "GPS"),
         _object("SCHED_", sensors.SCHEDULER, "SCHED_"),
         _object("RCMAP_", copter.RCMAP, "RCMAP_"),
+        _object("EK2_", EKF2, "EK2_"),
         make_ekf3_group(release.flow_limit, release.source_options),
         _object("MIS_", copter.MISSION, "MIS_"),
         *(_object(f"RNGFND{number}_", release.range_finder, "RNGFND") for number in _RANGE_FINDERS),

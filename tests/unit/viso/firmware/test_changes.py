@@ -26,6 +26,7 @@ ONE_ROW = {
     "params.flow": "params.more_ahrs",
     "params.vicon": "params.more_ahrs",
     "params.simulated_gps": "params.more_ahrs",
+    "params.second_simulated_gps": "params.more_ahrs",
     "params.simulated_gps_prefix": "params.more_ahrs",
     "params.range_finder": "params.range_unit",
     "params.failsafe": "reports_ekf_failure",

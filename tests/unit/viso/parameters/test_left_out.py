@@ -20,6 +20,8 @@ from viso.vehicle.vehicle import Vehicle, VehicleConfig
     ("AHRS_EKF_TYPE", 11, "AHRS_EKF_TYPE is 11: there is no External AHRS here"),
     ("EK3_SRC2_YAW", 3, "EK3_SRC2_YAW is 3: a compass does not take over from a GPS that has lost its yaw"),
     ("EK3_MAG_MASK", 1, "EK3_MAG_MASK is 1: EK3_MAG_CAL alone says when three axes of a compass are fused here"),
+    ("EK2_ENABLE", 1, "EK2_ENABLE is 1: there is no EKF2 here"),
+    ("SIM_WIND_SPD", 5, "SIM_WIND_SPD is 5: there is no wind here"),
     ("FENCE_ENABLE", 1, "FENCE_ENABLE is 1: the vehicle does not keep to fences here"),
 ])  # fmt: skip
 def test_what_asks_in_vain_is_told(name: str, value: float, line: str) -> None:

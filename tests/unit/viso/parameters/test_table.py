@@ -24,7 +24,7 @@ LINKS_OF_THE_LOG = 3
 VISO = (ParamInfo("_TYPE", ParamType.INT8, 0, "backend"),)
 
 SET_BY_FILES = r"""(?x)
-    FLTMODE[1-5] | FRAME_TYPE | COMPASS_OFS[23]?_[XYZ] | INS_ACCOFFS_[XYZ] | BATT_MONITOR | RC\d+_(MIN|MAX)
+    FLTMODE[1-5] | FRAME_TYPE | COMPASS_OFS[23]?_[XYZ] | INS_ACC2?(OFFS|SCAL)_[XYZ] | BATT_MONITOR | RC\d+_(MIN|MAX)
     | RC7_OPTION | GPS1_TYPE | EK3_SRC1_(POSXY|VELXY|VELZ) | VISO_(TYPE|DELAY_MS) | LOG_REPLAY | SIM_GPS1_ENABLE
 """
 """What the simulator's file of defaults, and that of the recording, set otherwise than the firmware."""

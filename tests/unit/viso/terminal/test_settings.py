@@ -121,11 +121,11 @@ FORMS = {
 def test_file_of_a_whole_vehicle_is_read_and_what_is_foreign_told_in_one_line(
     tmp_path: Path, form: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    params = {"SYSID_THISMAV": 7.0, "VISO_TYPE": 2.0, "EK2_ENABLE": 0.0, **{f"SERVO_{n}": n for n in range(300)}}
+    params = {"SYSID_THISMAV": 7.0, "VISO_TYPE": 2.0, "ATC_RAT_RLL_P": 0.0, **{f"SERVO_{n}": n for n in range(300)}}
     path = parm(tmp_path, "\n".join(FORMS[form].format(name=name, value=value) for name, value in params.items()))
     settings = load_settings([path], [], links=1, firmware=STABLE_4_6, strict=True)
     assert settings == {"SYSID_THISMAV": 7.0, "VISO_TYPE": 2.0}
-    names = ", ".join(["EK2_ENABLE", *(f"SERVO_{n}" for n in range(7))])
+    names = ", ".join(["ATC_RAT_RLL_P", *(f"SERVO_{n}" for n in range(7))])
     assert caplog.messages == [f"{path}: without effect here, and passed over: {names} and 293 others"]
 
 
