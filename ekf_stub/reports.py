@@ -111,6 +111,7 @@ class CoreReport:
         terrain: the ground.
         stillness: None while the test does not run.
         source_set: the active one, 0..2.
+        baro, gps: the numbers of the barometer and of the GPS that it uses, of a vehicle's own log.
         gsf: None while it is not running.
         error_score: how far the innovations are off, 1 at their gates.
         relative_error: by how much that has been more than that of the primary core, summed up.
@@ -149,6 +150,8 @@ class CoreReport:
     terrain: TerrainReport = TerrainReport()
     stillness: StillnessReport | None = None
     source_set: int = 0
+    baro: int = 0
+    gps: int = 0
     gsf: GsfReport | None = None
     error_score: float = 0.0
     relative_error: float = 0.0

@@ -66,7 +66,7 @@ GPS_NOT_MAVLINK: Final = dropped(
     "gps_not_mavlink", "no GPS takes it: GPS1_TYPE is not 14, or booting is not over", "AP_GPS.cpp, AP_GPS::handle_msg"
 )
 GPS_OTHER_INSTANCE: Final = dropped(
-    "gps_other_instance", "gps_id is not 0, and there is no second GPS", "AP_GPS_MAV.cpp, AP_GPS_MAV::handle_msg"
+    "gps_other_instance", "gps_id is not 0, and no other GPS takes messages", "AP_GPS_MAV.cpp, AP_GPS_MAV::handle_msg"
 )
 NO_FLOW_SENSOR: Final = dropped(
     "no_flow_sensor",

@@ -31,6 +31,7 @@ MESSAGES: Final[Mapping[str, str]] = {
     "GPS_RAW_INT": (
         "What a GPS says: degE7, mm, dilutions x 100 (65535 unknown), cm/s, centidegrees; accuracies in mm and mm/s."
     ),
+    "GPS2_RAW": "The same of the second GPS, with satellites and age (ms) of corrections.",
     "SCALED_IMU": "First IMU and compass: mG, mrad/s, mgauss, 0.01 degC.",
     "RAW_IMU": "First IMU and compass, as the firmware scales them: mG, mrad/s, mgauss, 0.01 degC.",
     "SCALED_PRESSURE": "First barometer: hPa, 0.01 degC.",

@@ -9,7 +9,7 @@ its simple estimate (DCM). Later that is the filter's attitude with the true hea
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -41,11 +41,14 @@ from ekf_stub.inputs.ingest_rules import KINDS, RULES, FilterOutcome
 from ekf_stub.inputs.measurements import (
     DOWNWARD,
     FIX_3D,
+    MAX_GPS,
+    AllGps,
     Array,
+    BaroReading,
     FlowMeasurement,
-    GpsSample,
     PlaceCache,
     RangeState,
+    first_healthy,
     from_imu,
     gps_counted_from,
     numbers_of,
@@ -85,6 +88,11 @@ _GLITCHING, _INITIALISED = 1 << 14, 1 << 16  # of nav_filter_status
 def _floats(place: Vector3f) -> Three:
     x, y, z = map(float, place.to_tuple())
     return x, y, z
+
+
+def baros_of(sensors: Sensors) -> Sequence[BaroReading]:
+    """Return the readings of all barometers that differ, or that of all; none before any."""
+    return sensors.baros or ([] if sensors.baro is None else [BaroReading(*sensors.baro)])
 
 
 @ieee754
@@ -150,12 +158,13 @@ class Ekf3Ahrs(AhrsBase):
         self._lever = (0.0, 0.0, 0.0)
         self._has_flow = FromParams(params, lambda: has_flow(params))
         self._imu_frd = FromParams(params, lambda: _floats(imu_pos(params)))
-        self._gps_from_imu = PlaceCache(gps_counted_from)
+        self._gps_from_imu = [PlaceCache(gps_counted_from) for _ in range(MAX_GPS)]
         self._ranges_from_imu = PlaceCache(RangeState.counted_from)
         self._terrain_is_stable: bool | None = None
         self._sensors: Sensors | None = None
         self._measured: list[float] = []  # by the first IMU, and further ones, in the last pass
-        self._baro_zero_m = self._gps_lag_s = 0.0
+        self._gps_lag_s = 0.0
+        self._baro_zeros_m: tuple[float, ...] = ()
         self._is_set_up = self._active = self._has_camera = self._is_stopped = False
         self._configured = FromParams(params, lambda: configured(params.get_int("AHRS_EKF_TYPE")))
         self._estimator = assumed_at_boot(params.get_int("AHRS_EKF_TYPE"))
@@ -221,7 +230,7 @@ class Ekf3Ahrs(AhrsBase):
 
     def _run_pass(self, sensors: Sensors, now_us: int) -> None:
         if not self._is_set_up:
-            self._set_up(len(sensors.imus))
+            self._set_up(sensors)
         gps, ranges = self._gps(), self._range_finders()
         self._log_frame(sensors, gps, now_us)
         cores, core = self.cores, self.core
@@ -256,14 +265,15 @@ class Ekf3Ahrs(AhrsBase):
         since_us = self.state.flying_since_us
         return 0 if since_us is None else (now_us - since_us) // 1000
 
-    def _set_inputs(self, cores: Cores, gps: GpsSample | None, ranges: RangeState | None) -> None:
+    def _set_inputs(self, cores: Cores, gps: AllGps, ranges: RangeState | None) -> None:
         cores.set_vehicle(self.state, self._expected(), lever_arm=self._lever_arm(), gps=gps, ranges=ranges)
 
     def _expected(self) -> tuple[bool, bool]:
         return self.source.expected() or self.state.expected
 
-    def _newest_gps(self) -> GpsSample | None:
-        return self.source.gps() or self.state.gps
+    def _all_gps(self) -> AllGps:
+        of_source = self.source.gps()
+        return self.state.gps if of_source is None else AllGps((of_source,))
 
     def _run_ahead(self, cores: Cores, times_us: range) -> int:
         """Run frames until one has texts or outcomes, or the sensors have more than inertial data; return how many."""
@@ -338,13 +348,14 @@ class Ekf3Ahrs(AhrsBase):
         if self._active:
             self.primary = lanes.primary
 
-    def _set_up(self, differing_imus: int) -> None:
+    def _set_up(self, sensors: Sensors) -> None:
         # NavEKF3_core::setup_core: what later changes of parameters do not change until the next boot.
         self._is_set_up = True
         params = self._params
-        sample = self._newest_gps()
+        sample = self._all_gps().used
         self._has_camera = self.state.camera.enabled
         self._gps_lag_s = self.state.gps_lag_s if sample is None else sample.lag_s
+        differing_imus = len(sensors.imus)
         imus = cores_of_mask(imu_mask(params), differing_imus or NUMBER_OF_IMUS)
         if not imus:
             return
@@ -365,11 +376,12 @@ class Ekf3Ahrs(AhrsBase):
             buffers,
             imus,
             differ=differing_imus,
+            baros_differ=bool(sensors.baros),
             has_camera=self._has_camera,
         )
         self.core = self.cores.lanes.primary_filter
 
-    def _log_frame(self, sensors: Sensors, gps: GpsSample | None, now_us: int) -> None:
+    def _log_frame(self, sensors: Sensors, gps: AllGps, now_us: int) -> None:
         log, state = self._log, self.state
         if self._sources.active_set != self._source_set:
             self._source_set = self._sources.active_set
@@ -381,15 +393,18 @@ class Ekf3Ahrs(AhrsBase):
         log.frame(state.camera)
 
     def _with_zeroed_baro(self, sensors: Sensors) -> Sensors:
-        if not self._baro_zero_m or sensors.baro is None:
+        if not any(self._baro_zeros_m) or sensors.baro is None:
             return sensors
-        height = float(np.float32(sensors.baro[1] - self._baro_zero_m))
-        return replace(sensors, baro=(sensors.baro[0], height))
+        zeroed = [one.lowered(zero_m) for one, zero_m in zip(baros_of(sensors), self._baro_zeros_m, strict=True)]
+        baro = zeroed[first_healthy(zeroed)].timed_height
+        return replace(sensors, baro=baro, baros=tuple(zeroed) if sensors.baros else ())
 
-    def _gps(self) -> GpsSample | None:
-        """Return the newest solution with the antenna's place from the IMU: the same object until either changes."""
-        given = self._newest_gps()
-        return None if given is None else self._gps_from_imu(_FIRST_IMU, given, self._imu_frd())
+    def _gps(self) -> AllGps:
+        """Return the newest solutions with antennas' places from the IMU: the same objects until either changes."""
+        given = self._all_gps()
+        counted = zip(self._gps_from_imu, given.solutions, strict=False)
+        solutions = (None if one is None else move(_FIRST_IMU, one, self._imu_frd()) for move, one in counted)
+        return given._replace(solutions=tuple(solutions))
 
     def _range_finders(self) -> RangeState | None:
         """Return the ranges with places from the IMU: the same object until they change."""
@@ -523,7 +538,7 @@ class Ekf3Ahrs(AhrsBase):
         position = None if origin is None else self.get_relative_position_NED_origin_float()
         if origin is not None and position is not None and (self._truth is not None or self._flags() & _HORIZ_POS):
             return origin.offset(position)
-        fix = self._newest_gps()
+        fix = self._all_gps().used
         has_fix = self._active and fix is not None and fix.fix_type >= FIX_3D
         return fix.location if has_fix and fix is not None else None
 
@@ -600,8 +615,8 @@ class Ekf3Ahrs(AhrsBase):
         self._log.event(RESET_HEIGHT_DATUM)
         was_reset = self.cores.lanes.reset_height_datum()
         is_zeroed_here = was_reset and not self.source.has_recorded_heights
-        if is_zeroed_here and self._sensors is not None and self._sensors.baro is not None:
-            self._baro_zero_m = self._sensors.baro[1]
+        if is_zeroed_here and self._sensors is not None:
+            self._baro_zeros_m = tuple(one.height for one in baros_of(self._sensors))
         return was_reset
 
     def request_yaw_reset(self) -> None:

@@ -14,7 +14,7 @@ from ap_core.param import FromParams, ParamTable
 from ap_core.quaternion import Quaternion
 from ap_core.sinks import RecordSink, TextSink
 from ekf_stub.ahrs.vehicle_state import VehicleState, compass_in_use, imu_pos
-from ekf_stub.core.core import AFFINITY_MAG, Core
+from ekf_stub.core.core import AFFINITY_BARO, AFFINITY_GPS, AFFINITY_MAG, Core
 from ekf_stub.core.ext_nav import ExtNav
 from ekf_stub.core.imus import MAX_IMUS, Imus
 from ekf_stub.core.inputs import Compasses, CompassReading
@@ -22,10 +22,13 @@ from ekf_stub.core.lanes import Lanes
 from ekf_stub.core.params import SET_PER_CORE, EkfSources, Params
 from ekf_stub.core.samples import RingSizes
 from ekf_stub.inputs.measurements import (
-    GpsSample,
+    FIX_3D,
+    AllGps,
+    BaroReading,
     ImuReading,
     PlaceCache,
     RangeState,
+    first_healthy,
     first_usable,
     from_imu,
     gps_counted_from,
@@ -47,8 +50,8 @@ _FLOW_MAX: Final = "FLOW_MAX"
 class Cores:
     """The filters, their inputs, and their logs.
 
-    ``imus`` has the IMU of each core, in the order of the cores; ``differ`` says how many IMUs differ, 0 for none. In
-    ``lanes`` is a filter for each core, or one for all.
+    ``imus`` has the IMU of each core, in the order of the cores; ``differ`` says how many IMUs differ, 0 for none, and
+    ``baros_differ`` whether barometers do. In ``lanes`` is a filter for each core, or one for all.
     """
 
     def __init__(
@@ -62,6 +65,7 @@ class Cores:
         imus: Sequence[int],
         *,
         differ: int,
+        baros_differ: bool,
         has_camera: bool,
     ) -> None:
         numbers = list(range(len(imus)))
@@ -71,7 +75,11 @@ class Cores:
         self._differ = differ > 0
         self._has_camera = has_camera
         has_set_each = not release.shares_source_set and params.get_int("EK3_SRC_OPTIONS") & SET_PER_CORE != 0
-        self._groups = [(number,) for number in numbers] if differ or has_set_each else [tuple(numbers)]
+        affinity = params.get_int("EK3_AFFINITY")
+        has_gps_each = affinity & AFFINITY_GPS and params.get_int("GPS2_TYPE") != 0
+        has_baro_each = affinity & AFFINITY_BARO and baros_differ
+        has_own = differ or has_set_each or has_gps_each or has_baro_each
+        self._groups = [(number,) for number in numbers] if has_own else [tuple(numbers)]
         self._imu_of_core = list(imus)
         self._params = Params()
         self._params_generation: int | None = None
@@ -88,7 +96,9 @@ class Cores:
             len(imus),
         )
         self._logs = [EkfLog(logger, params.get_int, group, lambda: self.lanes.primary) for group in self._groups]
-        self._has_own_compass = FromParams(params, lambda: bool(params.get_int("EK3_AFFINITY") & AFFINITY_MAG))
+        self._affinity = FromParams(params, lambda: params.get_int("EK3_AFFINITY"))
+        self._used_gps = [0] * len(self._groups)
+        self._used_baros = [0] * len(self._groups)
         self._has_compass = compass_in_use(params)
         self._places = FromParams(params, lambda: _places(params))
         self._given: dict[tuple[str, int], tuple[object, ...]] = {}
@@ -111,7 +121,7 @@ class Cores:
         expected: tuple[bool, bool],
         *,
         lever_arm: Three,
-        gps: GpsSample | None,
+        gps: AllGps,
         ranges: RangeState | None,
     ) -> None:
         """Set the state of the vehicle and the data of slow sensors, before the filters run.
@@ -120,19 +130,22 @@ class Cores:
             state: of which arming and home count.
             expected: whether a take-off is expected, and whether a touchdown is.
             lever_arm: the camera's place from the first IMU, m, body (FRD).
-            gps, ranges: with places from the first IMU.
+            gps: the newest solutions, with antennas' places from the first IMU.
+            ranges: with places from the first IMU.
         """
         self._read_params()
         has_compass, (takeoff_expected, touchdown_expected) = self._has_compass(), expected
         home_lat = 0 if state.home is None else state.home.lat
-        for core in self.lanes.cores:
+        for index, core in enumerate(self.lanes.cores):
             inputs, accel = core.inputs, self._imus.accel_of(core.imu)
             place = self._places()[accel] if self._differ else _HERE
             inputs.armed = state.armed
             inputs.takeoff_expected, inputs.touchdown_expected = takeoff_expected, touchdown_expected
             inputs.home_lat, inputs.has_compass = home_lat, has_compass
-            if self._has_changed("gps", core, gps, place):
-                inputs.set_gps(None if gps is None else self._gps(accel, gps, place))
+            self._used_gps[index] = self._gps_of(core, gps)
+            solution = gps.of(self._used_gps[index])
+            if self._has_changed("gps", core, solution, place):
+                inputs.set_gps(None if solution is None else self._gps(core.number, solution, place))
             if self._has_changed("ranges", core, ranges, place):
                 inputs.set_ranges(None if ranges is None else self._ranges(accel, ranges, place))
             if self._has_changed("lever_arm", core, lever_arm, place):
@@ -140,10 +153,12 @@ class Cores:
 
     def set_sensors(self, sensors: Sensors) -> None:
         """Set the data of barometer and compass, and which IMUs may be used."""
-        own = self._has_own_compass()
-        for core in self.lanes.cores:
-            if self._has_changed("baro", core, sensors.baro):
-                core.inputs.set_baro(*(sensors.baro or (-1, 0.0)))
+        own = bool(self._affinity() & AFFINITY_MAG)
+        for index, core in enumerate(self.lanes.cores):
+            self._used_baros[index] = self._baro_of(core, sensors.baros)
+            baro = sensors.baros[self._used_baros[index]].timed_height if sensors.baros else sensors.baro
+            if self._has_changed("baro", core, baro):
+                core.inputs.set_baro(*(baro or (-1, 0.0)))
             if self._has_changed("mag", core, sensors.mag, own):
                 core.inputs.set_compasses(_compasses_of(sensors, core.number if own else None))
             if self._has_changed("declination", core, sensors.declination):
@@ -151,6 +166,16 @@ class Cores:
         for imu, reading in zip(self._imus.imus, sensors.imus or (ImuReading(sensors.delta),), strict=False):
             imu.has_data, imu.has_gyro, imu.has_accel = True, reading.has_gyro, reading.has_accel
         self._imus.first_gyro, self._imus.first_accel = first_usable(sensors.imus)
+
+    def _gps_of(self, core: Core, gps: AllGps) -> int:
+        """Return the number of the GPS that a core uses (update_gps_selection)."""
+        own = gps.of(core.number) if self._affinity() & AFFINITY_GPS else None
+        return gps.primary if own is None or own.fix_type < FIX_3D else core.number
+
+    def _baro_of(self, core: Core, baros: Sequence[BaroReading]) -> int:
+        """Return the number of the barometer that a core uses (update_baro_selection)."""
+        has_own = self._affinity() & AFFINITY_BARO and core.number < len(baros) and baros[core.number].is_healthy
+        return core.number if has_own else first_healthy(baros)
 
     def _has_changed(self, name: str, core: Core, *given: object) -> bool:
         """Return whether an input differs from the one that a core was given last.
@@ -199,7 +224,9 @@ class Cores:
     def log_estimates(self, now_us: int) -> None:
         """Log the present estimates."""
         for index, log in enumerate(self._logs):
-            log.write_streaming(report_of(self.lanes, index), now_us)
+            report = report_of(self.lanes, index)
+            report.baro, report.gps = self._used_baros[index], self._used_gps[index]
+            log.write_streaming(report, now_us)
 
     def report(self, core: Core) -> CoreReport:
         """Return the present report of a filter."""

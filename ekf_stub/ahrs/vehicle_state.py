@@ -8,7 +8,7 @@ from typing import Final
 from ap_core.location import Location
 from ap_core.param import FromParams, ParamTable
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.measurements import GpsSample, RangeState
+from ekf_stub.inputs.measurements import NO_GPS, AllGps, RangeState
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 
 NO_CAMERA: Final = VisualOdomFrame(Vector3f(), 0, healthy=False, enabled=False)
@@ -24,8 +24,8 @@ class VehicleState:
         flying_since_us: since when it has been flying, us since boot; None on the ground.
         home: None while unset.
         expected: whether a take-off is expected, and whether a touchdown is.
-        gps: the newest solution of the GPS; None without a GPS.
-        gps_lag_s: the lag of the GPS by its driver, s.
+        gps: the newest solutions of GPS.
+        gps_lag_s: the lag of the primary GPS by its driver, s.
         ranges: those of the range finders, the same object until they change; None without range finders.
     """
 
@@ -34,7 +34,7 @@ class VehicleState:
     flying_since_us: int | None = None
     home: Location | None = None
     expected: tuple[bool, bool] = (False, False)
-    gps: GpsSample | None = None
+    gps: AllGps = NO_GPS
     gps_lag_s: float = 0.0
     ranges: RangeState | None = None
 

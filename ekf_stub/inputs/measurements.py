@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is measured, as the filter takes it: inertial data, GPS, optical flow, ranges; and places on the vehicle."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Final, Generic, NamedTuple, TypeVar
@@ -54,6 +54,28 @@ def first_usable(readings: tuple[ImuReading, ...]) -> tuple[int, int]:
     return gyro, next((imu for imu, reading in enumerate(readings) if reading.has_accel), 0)
 
 
+class BaroReading(NamedTuple):
+    """The last reading of a barometer: ms since boot and height in m; and whether the barometer works."""
+
+    time_ms: int
+    height: float
+    is_healthy: bool = True
+
+    @property
+    def timed_height(self) -> tuple[int, float]:
+        """Its time and height."""
+        return self.time_ms, self.height
+
+    def lowered(self, zero_m: float) -> "BaroReading":
+        """Return it with the height counted from another zero, in single precision."""
+        return self._replace(height=float(np.float32(self.height - zero_m))) if zero_m else self
+
+
+def first_healthy(readings: Sequence[BaroReading]) -> int:
+    """Return the number of the first barometer that works, 0 where none does (AP_Baro::update)."""
+    return next((number for number, reading in enumerate(readings) if reading.is_healthy), 0)
+
+
 FIX_3D: Final = 3
 USUAL_LAG_S: Final = 0.2
 
@@ -90,6 +112,29 @@ class GpsSample:
     is_healthy: bool = True
     lag_s: float = USUAL_LAG_S
     antenna: Three = (0.0, 0.0, 0.0)
+
+
+MAX_GPS: Final = 2
+"""How many GPS receivers there may be."""
+
+
+class AllGps(NamedTuple):
+    """The newest solution of each GPS, None of one without any, and the number of the primary one, which is used."""
+
+    solutions: tuple[GpsSample | None, ...] = ()
+    primary: int = 0
+
+    def of(self, number: int) -> GpsSample | None:
+        """Return the solution of a GPS, None if there is none."""
+        return self.solutions[number] if number < len(self.solutions) else None
+
+    @property
+    def used(self) -> GpsSample | None:
+        """That of the primary one."""
+        return self.of(self.primary)
+
+
+NO_GPS: Final = AllGps()
 
 
 class FlowMeasurement(NamedTuple):

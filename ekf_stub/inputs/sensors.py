@@ -10,7 +10,7 @@ import numpy as np
 from ap_core.location import Location
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.measurements import Array, GpsSample, ImuReading, InertialDelta
+from ekf_stub.inputs.measurements import Array, BaroReading, GpsSample, ImuReading, InertialDelta
 from ekf_stub.reports import Three
 
 
@@ -21,9 +21,12 @@ class Sensors:
     Attributes:
         delta: inertial data since the last pass; exact in single precision, as the firmware's and a log's are.
             All IMUs have these data, unless ``imus`` has others.
-        baro: time of the last reading in ms since boot, and height in m; exact in single precision.
+        baro: time of the last reading in ms since boot, and height in m; exact in single precision. All barometers
+            have it, unless ``baros`` has others.
         mag: time of the last reading in us since boot, and the field in mGauss, body (FRD).
         declination: of the magnetic field, rad.
+        baros: the reading of each of several barometers that differ, and whether it works; ``baro`` is that of the
+            first that does.
         imus: the data of each of several IMUs that differ, the first one's ``delta``; from the first pass on, or never.
     """
 
@@ -32,6 +35,7 @@ class Sensors:
     mag: tuple[int, Array] | None = None
     declination: float = 0.0
     imus: tuple[ImuReading, ...] = ()
+    baros: tuple[BaroReading, ...] = ()
 
 
 _NOTHING_AHEAD: Final[Array] = np.zeros((0, 8))

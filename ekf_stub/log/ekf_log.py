@@ -117,7 +117,7 @@ class EkfLog:
             (XKF2, xkf2, False),
             (XKF3, xkf3, False),
             (XKF5, _xkf5(report), True),
-            (XKFS, (0, 0, 0, 0, report.source_set, 0, 0, report.mag_fusion), False),
+            (XKFS, (0, report.baro, report.gps, 0, report.source_set, 0, 0, report.mag_fusion), False),
             (XKQ, report.quat_wxyz, False),
         ]
         if not of_primary:

@@ -30,7 +30,17 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.sinks import RecordSink
 from ekf_stub.core.imus import MAX_IMUS
-from ekf_stub.inputs.measurements import Array, GpsSample, InertialDelta, RangeState, first_usable
+from ekf_stub.inputs.measurements import (
+    NO_GPS,
+    AllGps,
+    Array,
+    BaroReading,
+    GpsSample,
+    InertialDelta,
+    RangeState,
+    first_healthy,
+    first_usable,
+)
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import ExtNavLog
 from ekf_stub.log.replay_log_structure import (
@@ -168,9 +178,10 @@ class ReplayLog(ExtNavLog):
         self._done = 0  # what RFRF is to say
         self._vehicle: VehicleFrame | None = None
         self._baro: tuple[int, float] | None = None
+        self._baros: tuple[BaroReading, ...] = ()
         self._mag: tuple[int, Array] | None = None
         self._declination = 0.0
-        self._gps: GpsSample | None = None
+        self._gps = NO_GPS
         self._ranges: RangeState | None = None
         self._origin: Place | None = None
         self._origin_again: Place | None = None
@@ -224,14 +235,14 @@ class ReplayLog(ExtNavLog):
         if self._is_first or before is None or vehicle != before or vehicle.trim_rad is not before.trim_rad:
             self._write_input(RFRN, _vehicle_values(vehicle))
 
-    def sensors(self, sensors: Sensors, gps: GpsSample | None = None, gps_lag_s: float = 0.0) -> None:
-        """Log the sensors in this frame; ``gps_lag_s`` is the lag of a GPS without a solution."""
+    def sensors(self, sensors: Sensors, gps: AllGps = NO_GPS, gps_lag_s: float = 0.0) -> None:
+        """Log the sensors in this frame; ``gps_lag_s`` is the lag of a first GPS without a solution."""
         if not self._is_wanted:
             return
         self._write_inertial(sensors)
-        if self._is_first or sensors.baro != self._baro:
-            self._write_baro(sensors.baro)
-        if self._is_first or (gps is not self._gps and gps != self._gps):
+        if self._is_first or sensors.baro != self._baro or sensors.baros != self._baros:
+            self._write_baro(sensors.baro, sensors.baros)
+        if self._is_first or gps != self._gps:
             self._write_gps(gps, gps_lag_s)
         if self._is_first or sensors.mag is not self._mag or sensors.declination != self._declination:
             self._write_compass(sensors.mag, sensors.declination)
@@ -252,18 +263,25 @@ class ReplayLog(ExtNavLog):
             for imu in range(imus, MAX_IMUS):
                 self._write_input(RISI, (*_NOTHING, 0, imu), imu)
 
-    def _write_baro(self, baro: tuple[int, float] | None) -> None:
-        self._baro = baro
-        count = 0 if baro is None else self._fitted.baros
-        self._write_input(RBRH, (0, count))
-        if baro is not None:
+    def _write_baro(self, baro: tuple[int, float] | None, baros: tuple[BaroReading, ...]) -> None:
+        self._baro, self._baros = baro, baros
+        count = 0 if baro is None else len(baros) or self._fitted.baros
+        self._write_input(RBRH, (first_healthy(baros), count))
+        for instance, one in enumerate(baros):
+            self._write_input(RBRI, (u32(max(one.time_ms, 0)), one.height, int(one.is_healthy), instance), instance)
+        if baro is not None and not baros:
             self._write_inputs(RBRI, (u32(baro[0]), baro[1], 1), count)
 
-    def _write_gps(self, gps: GpsSample | None, lag_s: float) -> None:
+    def _write_gps(self, gps: AllGps, lag_s: float) -> None:
         self._gps = gps
-        header, receiver = gps_values(gps, lag_s)
-        self._write_input(RGPH, header)
-        for instance, (slow, fast) in enumerate((receiver, *_UNUSED)):
+        first, second = gps.of(0), gps.of(1)
+        receivers = (
+            _absent(0, _LAG, _UNKNOWN_DOP, lag_s) if first is None else _gps_values(first, 0),
+            _absent(1, _LAG, _UNKNOWN_DOP) if second is None else _gps_values(second, 1),
+            _absent(2, 0, 0),  # what the firmware would blend of the two
+        )
+        self._write_input(RGPH, (len(gps.solutions) if first or second else 0, gps.primary))
+        for instance, (slow, fast) in enumerate(receivers):
             self._write_input(RGPI, slow, instance)
             self._write_input(RGPJ, fast, instance)
 
@@ -334,14 +352,8 @@ def _absent(instance: int, flags: int, hdop: int, lag_s: float = 0.0) -> tuple[V
     return slow, (0, *_NOWHERE, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0.0, 0.0, hdop, instance)
 
 
-_UNUSED: Final = (_absent(1, _LAG, _UNKNOWN_DOP), _absent(2, 0, 0))
-"""RGPI and RGPJ of the second receiver, and of what the firmware would blend of the two."""
-
-
-def gps_values(gps: GpsSample | None, lag_s: float = 0.0) -> tuple[Values, tuple[Values, Values]]:
-    """Return RGPH, and RGPI with RGPJ of the first receiver; ``lag_s`` is of one that is not there."""
-    if gps is None:
-        return (0, 0), _absent(0, _LAG, _UNKNOWN_DOP, lag_s)
+def _gps_values(gps: GpsSample, instance: int) -> tuple[Values, Values]:
+    """Return RGPI and RGPJ of a receiver."""
     known = (
         (_VERTICAL_VELOCITY, gps.has_vertical_velocity),
         (_HORIZONTAL, gps.horizontal_accuracy is not None),
@@ -355,8 +367,8 @@ def gps_values(gps: GpsSample | None, lag_s: float = 0.0) -> tuple[Values, tuple
     place = gps.location.lat, gps.location.lng, gps.location.alt_cm
     accuracies = gps.horizontal_accuracy or 0.0, gps.vertical_accuracy or 0.0
     motion = *gps.vel_ned.to_tuple(), gps.speed_accuracy or 0.0
-    slow = (*_NOWHERE, gps.lag_s, flags, gps.fix_type, gps.num_sats, 0)
-    return (1, 0), (slow, (gps.time_ms, *motion, *yaw, *place, *accuracies, gps.hdop, 0))
+    slow = (*_NOWHERE, gps.lag_s, flags, gps.fix_type, gps.num_sats, instance)
+    return slow, (gps.time_ms, *motion, *yaw, *place, *accuracies, gps.hdop, instance)
 
 
 def _place_values(place: Location | None) -> Place:

@@ -32,10 +32,10 @@ from mav_handlers.wire.messages import (
 
 
 def handle_gps_input(ctx: Context, message: GPS_INPUT) -> Verdict:
-    """Pass a solution to the MAVLink GPS; the vehicle has one GPS, number 0."""
-    if message.gps_id != 0:
-        return GPS_OTHER_INSTANCE
-    return HANDLED if ctx.vehicle.gps.take(message) else GPS_NOT_MAVLINK
+    """Pass a solution to the MAVLink GPS of its number, 0 or 1."""
+    if ctx.vehicle.gps.take(message):
+        return HANDLED
+    return GPS_NOT_MAVLINK if message.gps_id == 0 else GPS_OTHER_INSTANCE
 
 
 def handle_optical_flow(ctx: Context, message: OPTICAL_FLOW) -> Verdict:

@@ -16,7 +16,7 @@ from ap_core.fmath import atan2f, degrees, f32, norm3, wrap_360
 from ekf_stub.inputs.measurements import GpsSample
 from mav_handlers.channel import Channel
 from mav_handlers.senders.builder import quiet_overflow
-from mav_handlers.wire.messages import GPS_RAW_INT
+from mav_handlers.wire.messages import GPS2_RAW, GPS_RAW_INT
 
 if TYPE_CHECKING:
     from viso.vehicle.vehicle import Vehicle
@@ -25,6 +25,8 @@ UNKNOWN_DOP: Final = 65535
 YAW_NORTH_CDEG: Final = 36000
 _HUNDRED: Final = f32(100)
 _THOUSAND: Final = f32(1000)
+
+_Measured = tuple[int, int, int, int, int, int, int, int, int, int]
 
 
 def ground_speed_ms(sample: GpsSample | None) -> np.float32:
@@ -49,16 +51,33 @@ def _yaw_cdeg(sample: GpsSample) -> int:
 
 @quiet_overflow
 def gps_raw_int(vehicle: Vehicle, _channel: Channel, _now_us: int) -> GPS_RAW_INT | None:
-    """The GPS's newest solution; without a GPS fix 0, dilutions unknown, all else 0 (AP_GPS::send_mavlink_gps_raw).
+    """The first GPS's newest solution; without a GPS fix 0, dilutions unknown, all else 0.
+
+    Source: AP_GPS::send_mavlink_gps_raw.
 
     A release may send none for GPS1_TYPE 0 (``EndpointRelease.sends_disabled_gps``).
     """
     if vehicle.params.get_int("GPS1_TYPE") == 0 and not vehicle.release.sends_disabled_gps:
         return None
-    sample = vehicle.gps.sample()
+    sample = vehicle.gps.all[0].sample()
+    return GPS_RAW_INT(*_measured(sample), **_accuracies(sample))
+
+
+@quiet_overflow
+def gps2_raw(vehicle: Vehicle, _channel: Channel, _now_us: int) -> GPS2_RAW | None:
+    """The same of the second GPS; none for GPS2_TYPE 0 (AP_GPS::send_mavlink_gps2_raw)."""
+    if vehicle.params.get_int("GPS2_TYPE") == 0:
+        return None
+    sample = vehicle.gps.all[1].sample()
+    without_corrections = 0, 0
+    return GPS2_RAW(*_measured(sample), *without_corrections, **_accuracies(sample))
+
+
+def _measured(sample: GpsSample | None) -> _Measured:
+    """Return time, fix, place, dilutions, speed, course and satellites as the messages have them."""
     if sample is None:
-        return GPS_RAW_INT(0, 0, 0, 0, 0, UNKNOWN_DOP, UNKNOWN_DOP, 0, 0, 0)
-    return GPS_RAW_INT(
+        return 0, 0, 0, 0, 0, UNKNOWN_DOP, UNKNOWN_DOP, 0, 0, 0
+    return (
         u64(sample.last_fix_ms * 1000),
         sample.fix_type,
         sample.location.lat,
@@ -69,8 +88,16 @@ def gps_raw_int(vehicle: Vehicle, _channel: Channel, _now_us: int) -> GPS_RAW_IN
         u16(int_of_float(float(ground_speed_ms(sample) * _HUNDRED))),
         u16(int_of_float(float(_course_deg(sample) * _HUNDRED))),
         sample.num_sats,
-        h_acc=_mm(sample.horizontal_accuracy),
-        v_acc=_mm(sample.vertical_accuracy),
-        vel_acc=_mm(sample.speed_accuracy),
-        yaw=_yaw_cdeg(sample),
     )
+
+
+def _accuracies(sample: GpsSample | None) -> dict[str, int]:
+    """Return accuracies and yaw as the messages have them."""
+    if sample is None:
+        return {}
+    return {
+        "h_acc": _mm(sample.horizontal_accuracy),
+        "v_acc": _mm(sample.vertical_accuracy),
+        "vel_acc": _mm(sample.speed_accuracy),
+        "yaw": _yaw_cdeg(sample),
+    }

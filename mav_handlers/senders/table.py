@@ -50,7 +50,7 @@ SENDERS: Final[Mapping[str, Builder]] = {
     "SCALED_PRESSURE3": nothing_to_report,
     "GPS_RAW_INT": gps.gps_raw_int,
     "GPS_RTK": nothing_to_report,
-    "GPS2_RAW": nothing_to_report,
+    "GPS2_RAW": gps.gps2_raw,
     "GPS2_RTK": nothing_to_report,
     "SYSTEM_TIME": status.system_time,
     "RC_CHANNELS_SCALED": nothing_to_report,

@@ -145,6 +145,30 @@ class GPS_RAW_INT(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class GPS2_RAW(Message):
+    """The same of the second GPS, with satellites and age (ms) of corrections."""
+
+    time_usec: int
+    fix_type: int
+    lat: int
+    lon: int
+    alt: int
+    eph: int
+    epv: int
+    vel: int
+    cog: int
+    satellites_visible: int
+    dgps_numch: int
+    dgps_age: int
+    yaw: int = 0
+    alt_ellipsoid: int = 0
+    h_acc: int = 0
+    v_acc: int = 0
+    vel_acc: int = 0
+    hdg_acc: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class SCALED_IMU(Message):
     """First IMU and compass: mG, mrad/s, mgauss, 0.01 degC."""
 
@@ -1330,6 +1354,7 @@ MESSAGES: Final[Mapping[str, type[Message]]] = {
         PARAM_SET,
         PARAM_ERROR,
         GPS_RAW_INT,
+        GPS2_RAW,
         SCALED_IMU,
         RAW_IMU,
         SCALED_PRESSURE,

@@ -48,6 +48,7 @@ IGNORED: frozenset[type[Message]] = frozenset(
         m.GLOBAL_POSITION_INT,
         m.GPS_GLOBAL_ORIGIN,
         m.GPS_RAW_INT,
+        m.GPS2_RAW,
         m.HIGHRES_IMU,
         m.HOME_POSITION,
         m.HWSTATUS,

@@ -468,7 +468,7 @@ OF_THE_FIRMWARE: Final = (
         "indoors set GPS_TYPE 0",
         ("XN9-11",),
     ),
-    Text("GPS 1: was not found", "no receiver answers", "GPS1_TYPE and its port", "indoors set GPS1_TYPE 0"),
+    Text("GPS {1}: was not found", "no receiver answers", "GPS1_TYPE and its port", "indoors set GPS1_TYPE 0"),
     Text(
         "GPS 1: primary but TYPE 0",
         "GPS_PRIMARY names a receiver that is off",
@@ -684,12 +684,18 @@ ESTIMATOR: Final = (
 )
 GPS: Final = (
     Text(
-        "GPS 1: Bad fix",
+        "GPS {1}: Bad fix",
         "`GPS_INPUT` or the simulated receiver has no 3D fix",
         "`GPS_RAW_INT`",
         "`GPS1_TYPE` 0, or send a fix of 3 or more",
     ),
-    Text("GPS 1: not healthy", "its solutions come late or too seldom", "their rate", "send at 5 Hz or more"),
+    Text("GPS {1}: not healthy", "its solutions come late or too seldom", "their rate", "send at 5 Hz or more"),
+    Text(
+        "GPS positions differ by 60.0m",
+        "two receivers are 50 m or more apart",
+        "`GPS_RAW_INT`, `GPS2_RAW`",
+        "`GPS2_TYPE` 0, or wait until both have a good fix",
+    ),
     Text(
         "GPS and AHRS differ by 12.0m",
         "the positions of receiver and filter differ by 10 m or more",
@@ -794,10 +800,10 @@ OTHERS: Final = (
         "leave out single checks instead: bit 18 is that of the camera",
     ),
     Text("Param write denied ({STAT_RUNTIME})", "this parameter is the autopilot's own", "its name", "nothing"),
-    Text("GPS 1: specified as MAV", "GPS1_TYPE is 14: GPS_INPUT is awaited", "nothing", "nothing"),
-    Text("GPS 1: detected MAV", "the first GPS_INPUT came", "nothing", "nothing"),
-    Text("GPS 1: probing for u-blox at 230400 baud", "a receiver sends at this speed", "nothing", "nothing"),
-    Text("GPS 1: detected u-blox", "the receiver's first solution came", "nothing", "nothing"),
+    Text("GPS {1}: specified as MAV", "its GPSn_TYPE is 14: GPS_INPUT is awaited", "nothing", "nothing"),
+    Text("GPS {1}: detected MAV", "the first GPS_INPUT came", "nothing", "nothing"),
+    Text("GPS {1}: probing for u-blox at 230400 baud", "a receiver sends at this speed", "nothing", "nothing"),
+    Text("GPS {1}: detected u-blox", "the receiver's first solution came", "nothing", "nothing"),
     Text(
         "DDS: Received tf2_msgs/TFMessage: TF is empty",
         "a message on /ap/tf held no transform",

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The vehicle's one GPS, which GPS_INPUT messages feed, or the simulator's receiver (AP_GPS/AP_GPS.cpp)."""
+"""A GPS of the vehicle, which GPS_INPUT messages feed, or the simulator's receiver (AP_GPS/AP_GPS.cpp)."""
 
 from collections.abc import Callable
 from typing import Final
@@ -40,10 +40,11 @@ _UNIX_TIME_OF_GPS_WEEK_0_MS: Final = 315_964_800_000 - 18_000  # with the leap s
 
 
 class Gps:
-    """The GPS: finds its driver, checks how regular its solutions are, logs them and sets the time of day.
+    """A GPS: finds its driver, checks how regular its solutions are, logs them and sets the time of day.
 
-    GPS1_TYPE 14 takes messages, 1 a vehicle's own receiver if it has one; whatever else that asks for has no receiver
-    attached. ``set_utc_us`` takes the time of day, since 1970.
+    GPSn_TYPE 14 takes messages, 1 a vehicle's own receiver if it has one; whatever else that asks for has no receiver
+    attached. ``set_utc_us`` takes the time of day, since 1970. ``number`` is the n.
+    ``is_used`` is for the log: whether the vehicle uses it.
     """
 
     def __init__(
@@ -54,10 +55,13 @@ class Gps:
         logger: RecordSink,
         set_utc_us: Callable[[int], None],
         receiver: SimulatedGps | None = None,
+        *,
+        number: int = 1,
     ) -> None:
         self._clock = clock
         self._params = params
-        self._type = FromParams(params, lambda: params.get_int("GPS1_TYPE"))
+        self._number = number
+        self._type = FromParams(params, lambda: params.get_int(f"GPS{number}_TYPE"))
         self._texts = texts
         self._logger = logger
         self._set_utc_us = set_utc_us
@@ -70,11 +74,24 @@ class Gps:
         self._delayed_count = 0
         self._average_delta_ms = f32(0)
         self._sample: GpsSample | None = None  # as long as nothing has changed
+        self.is_used = number == 1
 
     @property
     def introduction(self) -> str | None:
         """Return the text with which a log begins; None without a driver."""
-        return None if self._driver is None or self._type() == GPS_TYPE_NONE else self._driver.introduction
+        if self._driver is None or self._type() == GPS_TYPE_NONE:
+            return None
+        return f"GPS {self._number}: {self._driver.introduction}"
+
+    @property
+    def status(self) -> int:
+        """The kind of fix: 0 without a driver, 1 without a fix."""
+        return self._state.status
+
+    @property
+    def num_sats(self) -> int:
+        """How many satellites it uses."""
+        return self._state.num_sats
 
     def take(self, packet: GPS_INPUT) -> bool:
         """Give a message to the driver; return whether there is one (AP_GPS::handle_msg)."""
@@ -159,7 +176,7 @@ class Gps:
         self._state.status = NO_FIX
         self._last_message_ms = self._clock.millis()
         self._delta_ms = GPS_TIMEOUT_MS
-        self._texts.send_text(_MAV_SEVERITY_INFO, self._driver.introduction)
+        self._texts.send_text(_MAV_SEVERITY_INFO, f"GPS {self._number}: {self._driver.introduction}")
 
     def _has_receiver(self) -> bool:
         return self._receiver is not None and self._type() == GPS_TYPE_AUTO
@@ -186,7 +203,7 @@ class Gps:
             now_ms = state.corrected_ms
         if not state.announced:
             state.announced = True
-            self._texts.send_text(_MAV_SEVERITY_INFO, driver.detected)
+            self._texts.send_text(_MAV_SEVERITY_INFO, f"GPS {self._number}: {driver.detected}")
         self._delta_ms = u16(now_ms - self._last_message_ms)
         self._last_message_ms = now_ms
         if state.status >= FIX_2D:
@@ -217,16 +234,16 @@ class Gps:
 
     def _log(self) -> None:
         """Write GPS and GPA (AP_GPS::Write_GPS)."""
-        state, time_us = self._state, self._clock.micros64()
+        state, time_us, number, is_used = self._state, self._clock.micros64(), self._number - 1, int(self.is_used)
         yaw_deg, yaw_accuracy_deg = (f32(0), 0) if state.yaw_deg is None else (state.yaw_deg, _DEFAULT_YAW_ACCURACY_DEG)
         solution = (state.status, state.time_week_ms, state.time_week, state.num_sats, state.hdop)
         place = (state.location.lat, state.location.lng, state.location.alt_cm)
         motion = (state.ground_speed, state.ground_course, state.velocity.z)
-        self._logger.write(GPS, (time_us, 0, *solution, *place, *motion, yaw_deg, 1))
+        self._logger.write(GPS, (time_us, number, *solution, *place, *motion, yaw_deg, is_used))
         accuracies = map(_centi, (state.horizontal_accuracy, state.vertical_accuracy, state.speed_accuracy))
         times = (self._last_message_ms, self._delta_ms)
         flags = (yaw_accuracy_deg, int(state.have_vertical_velocity))
-        self._logger.write(GPA, (time_us, 0, state.vdop, *accuracies, *flags, *times, _NO_ELLIPSOID_HEIGHT, 0, 0))
+        self._logger.write(GPA, (time_us, number, state.vdop, *accuracies, *flags, *times, _NO_ELLIPSOID_HEIGHT, 0, 0))
 
 
 def _wide(value: np.float32 | None) -> float | None:

@@ -66,14 +66,14 @@ class GpsState:
 
 
 class MavlinkGpsDriver:
-    """The driver of GPS1_TYPE 14: takes messages, and reports once that there are new ones.
+    """The driver of GPSn_TYPE 14: takes messages, and reports once that there are new ones.
 
     ``has_news`` says whether there are some of which ``read`` has not told.
     """
 
     lag_s = USUAL_LAG_S
-    introduction = "GPS 1: specified as MAV"
-    detected = "GPS 1: detected MAV"
+    introduction = "specified as MAV"
+    detected = "detected MAV"
 
     def __init__(self) -> None:
         self.has_news = False

@@ -64,13 +64,21 @@ class SimulatedGps:
     Args:
         airframe: what flies.
         source: its sensors, which know where on earth it started.
-        params: the GPS's parameters, SIM_GPS1_ (4.6: SIM_GPS_).
+        params: the GPS's parameters, SIM_GPS1_ (4.6: SIM_GPS_) or SIM_GPS2_.
         boot_utc_us: the time of day at boot, us since 1970; 0 if unknown, and no solution has a time then.
         seed: of the random errors.
+        falls_silent: whether it sends nothing while it is not enabled, as the second one; the first one has no fix.
     """
 
     def __init__(
-        self, airframe: Airframe, source: VehicleSource, params: ParamGroup, boot_utc_us: int = 0, seed: int = 0
+        self,
+        airframe: Airframe,
+        source: VehicleSource,
+        params: ParamGroup,
+        boot_utc_us: int = 0,
+        seed: int = 0,
+        *,
+        falls_silent: bool = False,
     ) -> None:
         self._airframe = airframe
         self._source = source
@@ -78,7 +86,8 @@ class SimulatedGps:
         names = {row.name for row in params.var_info}
         self._can_be_disabled = "DISABLE" in names
         longer, shorter = ("GLITCH", "LOCKTIME", "DRIFTALT"), ("GLTCH", "LCKTIME", "DRFTALT")
-        self._glitch_name, self._lock_name, self._drift_name = longer if self._can_be_disabled else shorter
+        self._glitch_name, self._lock_name, self._drift_name = longer if names >= {*longer} else shorter
+        self._falls_silent = falls_silent
         self._boot_utc_us = boot_utc_us
         self._draw = random.Random(seed)
         self._history = deque([Solution()] * HISTORY, HISTORY)
@@ -87,7 +96,13 @@ class SimulatedGps:
         self._probed_since_us: int | None = None
 
     def is_found(self, now_us: int) -> bool:
-        """Return whether the firmware that has looked for it since the first call has tried its speed by now."""
+        """Return whether the firmware that has looked for it since the first call has tried its speed by now.
+
+        FIRMWARE PARITY: of one that was silent it begins when that is enabled, not where it is among its speeds then.
+        """
+        if self._is_silent():
+            self._probed_since_us = None
+            return False
         if self._probed_since_us is None:
             self._probed_since_us = now_us
         return now_us - self._probed_since_us >= PROBING_US
@@ -95,7 +110,7 @@ class SimulatedGps:
     def update(self, now_ms: int) -> None:
         """Make a solution, if it is time to, which ``take`` returns at a later time."""
         hertz = self._params.get_int("HZ")
-        if hertz <= 0 or now_ms - self._published_ms < 1000 // hertz:
+        if hertz <= 0 or self._is_silent() or now_ms - self._published_ms < 1000 // hertz:
             return
         self._published_ms = now_ms
         self._history.appendleft(self._measure(now_ms))
@@ -115,6 +130,12 @@ class SimulatedGps:
         gps_ms = self._boot_utc_us // 1000 + now_ms - GPS_EPOCH_UTC_MS
         return gps_ms // MS_PER_WEEK, gps_ms % MS_PER_WEEK // _TIME_STEP_MS * _TIME_STEP_MS
 
+    def _is_on(self) -> bool:
+        return self._params.get_int("DISABLE") == 0 if self._can_be_disabled else self._params.get_int("ENABLE") != 0
+
+    def _is_silent(self) -> bool:
+        return self._falls_silent and not self._is_on()
+
     def _vector(self, name: str) -> tuple[float, float, float]:
         x, y, z = (float(self._params.get_float(f"{name}_{axis}")) for axis in "XYZ")
         return x, y, z
@@ -129,8 +150,7 @@ class SimulatedGps:
         alt_m = 0.01 * place.alt_cm + params.get_int("ALT_OFS")
         alt_m += float(params.get_float("NOISE")) * float(sinf(f32(now_ms * 0.0005)))
         alt_m += max(float(params.get_float(self._drift_name)), 0.0) * float(sinf(f32(now_ms * 0.001 * 0.02)))
-        is_on = params.get_int("DISABLE") == 0 if self._can_be_disabled else params.get_int("ENABLE") != 0
-        has_fix = is_on and now_ms >= 1000 * params.get_int(self._lock_name)
+        has_fix = self._is_on() and now_ms >= 1000 * params.get_int(self._lock_name)
         accuracy_m = float(params.get_float("ACC"))
         satellites = u8(params.get_int("NUMSATS")) if has_fix else SATELLITES_WITHOUT_FIX
         speed_accuracy = math.hypot(*errors[:2])
@@ -155,8 +175,8 @@ class UbloxDriver:
 
     has_news = True
     lag_s = UBLOX_LAG_S
-    introduction = "GPS 1: probing for u-blox at 230400 baud"
-    detected = "GPS 1: detected u-blox"
+    introduction = "probing for u-blox at 230400 baud"
+    detected = "detected u-blox"
 
     def __init__(self, receiver: SimulatedGps, state: GpsState) -> None:
         self._receiver = receiver

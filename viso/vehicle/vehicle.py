@@ -49,6 +49,7 @@ from viso.vehicle.copter.switches import SWITCH_PERIOD_US
 from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
 from viso.vehicle.ftp import UartCounts, UartsText, VehicleFiles
 from viso.vehicle.gps import GPS_PERIOD_US, Gps
+from viso.vehicle.gps_receivers import GpsReceivers
 from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, MavlinkRanges
 from viso.vehicle.rtc import Rtc, RtcSource
 from viso.vehicle.sensors.flight import Event, Happening
@@ -62,7 +63,9 @@ __all__ = ["LOOP_PERIOD_US", "Vehicle", "VehicleConfig", "bench"]
 LOOP_PERIOD_US: Final = 2500
 ERR_SUBSYSTEM_INTERNAL_ERROR: Final = 30
 ERR_INTERNAL_ERRORS_DETECTED: Final = 1
+EV_GPS_PRIMARY_CHANGED: Final = 67
 EV_SOURCE_SET_1: Final = 85
+SECOND_SIMULATED_GPS: Final = "SIM_GPS2_"
 MASK_LOG_ATTITUDE_FAST: Final = 1 << 0
 THROTTLE_PERIOD_US: Final = 20_000
 FAST_ATTITUDE_US: Final = 40_000
@@ -150,7 +153,7 @@ class Vehicle:
         )
         self.visual_odom.init()
         self._camera_frames = FromParams(self.params, self._make_camera_frames)
-        self.gps = Gps(self.clock, self.params, self.texts, self.logger, self._take_gps_time, self._make_receiver())
+        self.gps = GpsReceivers(self.clock, self.params, (self._make_gps(1), self._make_gps(2)), self._log_other_gps)
         self.flow = MavlinkFlow(
             self.clock, self.params, self.ahrs, self.logger, reads_rates=config.firmware.reads_flow_rates
         )
@@ -257,7 +260,7 @@ class Vehicle:
         state.flying_since_us = copter.landing.flying_since_us()
         state.home = copter.home.place
         state.expected = copter.landing.expected
-        state.gps, state.gps_lag_s = self.gps.sample(), self.gps.lag_s()
+        state.gps, state.gps_lag_s = self.gps.samples(), self.gps.lag_s()
         state.ranges = self.ranges.state()
 
     def _make_camera_frames(self) -> tuple[VisualOdomFrame, VisualOdomFrame]:
@@ -341,9 +344,21 @@ class Vehicle:
         self._keep_parameters()
         self._keep_items()
 
-    def _make_receiver(self) -> SimulatedGps | None:
-        airframe, params = self.source.airframe, self.params.group(self.firmware.params.simulated_gps_prefix)
-        return None if airframe is None else SimulatedGps(airframe, self.source, params, self._config.boot_utc_us)
+    def _make_gps(self, number: int) -> Gps:
+        receiver = self._make_receiver(number)
+        shared = self.clock, self.params, self.texts, self.logger, self._take_gps_time
+        return Gps(*shared, receiver, number=number)
+
+    def _make_receiver(self, number: int) -> SimulatedGps | None:
+        airframe, is_second = self.source.airframe, number == 2
+        prefix = SECOND_SIMULATED_GPS if is_second else self.firmware.params.simulated_gps_prefix
+        params, boot_utc_us = self.params.group(prefix), self._config.boot_utc_us
+        if airframe is None:
+            return None
+        return SimulatedGps(airframe, self.source, params, boot_utc_us, number - 1, falls_silent=is_second)
+
+    def _log_other_gps(self) -> None:
+        self.log.event(EV_GPS_PRIMARY_CHANGED)
 
     def _make_vicon(self) -> Vicon:
         if self.source.airframe is None:
@@ -395,8 +410,9 @@ class Vehicle:
         for kind, place in ((ORGN_EKF, self.ahrs.origin()), (ORGN_HOME, self.copter.home.place)):
             if place is not None:
                 self.log.place(kind, place)
-        if self.gps.introduction is not None:
-            self.log.text(self.gps.introduction)
+        for gps in self.gps.all:
+            if gps.introduction is not None:
+                self.log.text(gps.introduction)
         self.copter.mission.log_items()
 
     # Messages, and the end

@@ -19,7 +19,7 @@ from ekf_stub.ahrs.ahrs_ekf3 import Ekf3Ahrs
 from ekf_stub.core.core import Core
 from ekf_stub.core.covariance import ACCEL, GYRO
 from ekf_stub.core.params import EkfSources
-from ekf_stub.inputs.measurements import USUAL_LAG_S, GpsSample
+from ekf_stub.inputs.measurements import USUAL_LAG_S, AllGps, GpsSample
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import ReplayLog
 from ekf_stub.reports import CoreReport
@@ -216,7 +216,7 @@ class BenchRig:
     def fix(self, place: Location | None = None, **fields: Any) -> None:
         """Let the GPS have a solution of now, of the place where it stands unless told another."""
         values: dict[str, Any] = {"fix_type": 3, "vel_ned": Vector3f(), "num_sats": 10, "hdop": 120, **fields}
-        self.state.gps = GpsSample(time_ms=self.now_ms, location=place or self.place, **values)
+        self.state.gps = AllGps((GpsSample(time_ms=self.now_ms, location=place or self.place, **values),))
 
     def stream_gps(self, until_s: float, place: Location | None = None, **fields: Any) -> None:
         """Let the GPS have a solution five times per second."""

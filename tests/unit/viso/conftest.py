@@ -19,7 +19,7 @@ from ap_core.param import ParamTable
 from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_settable import SettableAhrs
-from ekf_stub.inputs.measurements import GpsSample
+from ekf_stub.inputs.measurements import AllGps, GpsSample
 from ekf_stub.reports import FilterFlag, FilterStatus
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec, Received
@@ -300,6 +300,7 @@ class CopterRig:
         self.visual_odom = FakeVisualOdom()
         self.errors = InternalErrors()
         self.gps: GpsSample | None = None
+        self.second_gps: GpsSample | None = None
         self.is_active = False
         self.logger = Logger(self.clock, open_log)
         self.logger.on_write = lambda structure, values: self.records.append(
@@ -333,6 +334,10 @@ class CopterRig:
     def use_firmware(self, firmware: Firmware) -> None:
         """Let the copter be of another release."""
         self.vehicle.firmware = firmware
+
+    def samples(self) -> AllGps:
+        """Return the solutions of the GPS, of which the first is used."""
+        return AllGps((self.gps,) if self.second_gps is None else (self.gps, self.second_gps))
 
     def sample(self) -> GpsSample | None:
         """Return the newest solution (Gps)."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from ap_core.fmath import f32, norm3
 from ap_core.print_format import fixed
-from ekf_stub.inputs.measurements import GpsSample
+from ekf_stub.inputs.measurements import AllGps, GpsSample
 from viso.vehicle.copter.arming import ANY_CHECK, Check, CheckLists
 from viso.vehicle.copter.modes import Mode, ModeNumber
 
@@ -27,6 +27,7 @@ CHECK_RANGEFINDER: Final = 1 << 15
 CHECK_VISION: Final = 1 << 18
 GPS_FIX_3D: Final = 3
 AHRS_GPS_ERROR_MAX_M: Final = 10
+GPS_APART_MAX_M: Final = 50
 AUTO_ALLOWS_ARMING: Final = 1 << 0
 """A bit of AUTO_OPTIONS."""
 LEAN_LIMIT_DEG: Final = 30.0
@@ -88,17 +89,24 @@ class ArmingChecks:
         is_needed = self._mode().requires_position and self._vehicle.copter.arming.is_enabled(CHECK_GPS)
         if not is_needed or not (self._vehicle.firmware.checks_unused_gps or self._vehicle.ahrs.uses_gps()):
             return self.position()
-        solution = self._vehicle.source.gps() or self._vehicle.gps.sample()
-        return self._gps_failure(solution) or self.position() or self._dilution_failure(solution)
+        of_source = self._vehicle.source.gps()
+        gps = self._vehicle.gps.samples() if of_source is None else AllGps((of_source,))
+        return self._gps_failure(gps) or self.position() or self._dilution_failure(gps.used)
 
-    def _gps_failure(self, solution: GpsSample | None) -> str | None:
+    def _gps_failure(self, gps: AllGps) -> str | None:
         # AP_Arming::gps_checks
-        if solution is not None and solution.fix_type < GPS_FIX_3D:
-            return "GPS 1: Bad fix"
-        if solution is not None and not solution.is_healthy:
-            return "GPS 1: not healthy"
+        for number, one in enumerate(gps.solutions, 1):
+            if one is not None and one.fix_type < GPS_FIX_3D:
+                return f"GPS {number}: Bad fix"
+            if one is not None and not one.is_healthy:
+                return f"GPS {number}: not healthy"
         if not self._vehicle.copter.has_home():
             return "AHRS: waiting for home"
+        first, second, solution = gps.of(0), gps.of(1), gps.used
+        if first is not None and second is not None:
+            apart_m = norm3(*first.location.distance_ned(second.location).to_tuple())
+            if apart_m >= GPS_APART_MAX_M:
+                return f"GPS positions differ by {fixed(float(apart_m), 1, 4)}m"
         place = self._vehicle.ahrs.get_location()
         if solution is None or place is None:
             return None

@@ -4,14 +4,31 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.cores import Cores
 from ekf_stub.core.vectors import quat_of_euler
-from ekf_stub.inputs.measurements import DOWNWARD, FinderState, FlowMeasurement, RangeState, RangeStatus
+from ekf_stub.inputs.measurements import (
+    DOWNWARD,
+    AllGps,
+    Array,
+    BaroReading,
+    FinderState,
+    FlowMeasurement,
+    GpsSample,
+    RangeState,
+    RangeStatus,
+    first_healthy,
+)
+from ekf_stub.inputs.sensors import Sensors
 from tests.unit.ekf_stub.bench_rig import BenchRig
 from viso.vehicle.sensors.errors import SensorErrors
+from viso.vehicle.sensors.source import HOME, ImuOptions
+from viso.vehicle.sensors.standing import BenchSource
 
 MakeBench = Callable[..., BenchRig]
 
@@ -172,6 +189,87 @@ def test_gps_is_moved_from_its_antenna_to_each_imu(apart: BenchRig) -> None:
     apart.run_for(0.01)
     assert [core.inputs.gps for core in cores_of(apart).lanes.cores] == solutions
     assert dict(apart.records)["RGPI"][:3] == (0.0, 0.0, 0.0)
+
+
+# Sensors of their own (EK3_AFFINITY)
+
+FIRST = GpsSample(5000, 3, HOME, Vector3f(), 10)
+SECOND = replace(FIRST, num_sats=12)
+
+
+def solutions(bench: BenchRig, gps: AllGps) -> list[GpsSample | None]:
+    bench.state.gps = gps
+    bench.run_for(0.01)
+    return [core.inputs.gps for core in cores_of(bench).lanes.cores]
+
+
+@pytest.mark.parametrize("affinity", [0, 1])
+def test_each_core_has_the_gps_of_its_number_if_asked_for(make_bench: MakeBench, affinity: int) -> None:
+    bench = make_bench("33131", GPS2_TYPE=1, EK3_AFFINITY=affinity, run_s=3.5)
+    assert solutions(bench, AllGps((FIRST, SECOND), primary=1)) == ([SECOND], [FIRST, SECOND])[affinity]
+
+
+def test_core_whose_gps_has_no_fix_uses_the_primary_one(make_bench: MakeBench) -> None:
+    bench = make_bench("33131", GPS2_TYPE=1, EK3_AFFINITY=1, run_s=3.5)
+    lost = replace(SECOND, fix_type=1)
+    assert solutions(bench, AllGps((FIRST, lost))) == [FIRST, FIRST]
+    assert solutions(bench, AllGps((FIRST,))) == [FIRST, FIRST]
+    assert solutions(bench, AllGps((FIRST, SECOND))) == [FIRST, SECOND]
+
+
+class Barometers(BenchSource):
+    """A vehicle on the bench with barometers that differ."""
+
+    heights: tuple[float, ...] = (1.0, 2.0)
+    failed = 9
+
+    def sense(self, now_us: int) -> Sensors | None:
+        """Return the data of the sensors."""
+        sensors = super().sense(now_us)
+        if sensors is None or sensors.baro is None:
+            return sensors
+        time_ms, _ = sensors.baro
+        baros = tuple(BaroReading(time_ms, one, number != self.failed) for number, one in enumerate(self.heights))
+        return replace(sensors, baro=baros[first_healthy(baros)].timed_height, baros=baros)
+
+    def ahead(self, times_us: range) -> Array:
+        """Return nothing, so that every pass has its reading."""
+        return np.zeros((0, 8))
+
+
+def with_barometers(make_bench: MakeBench, **params: float) -> tuple[BenchRig, Barometers]:
+    bench = make_bench("66131", **params)
+    source = Barometers(ImuOptions())
+    bench.ahrs.source = source
+    bench.run_to(3.5)
+    return bench, source
+
+
+def heights(bench: BenchRig) -> list[float]:
+    bench.run_for(0.2)
+    return [core.inputs.baro_height for core in cores_of(bench).lanes.cores]
+
+
+@pytest.mark.parametrize("affinity", [0, 2])
+def test_each_core_has_the_barometer_of_its_number_if_asked_for(make_bench: MakeBench, affinity: int) -> None:
+    bench, _ = with_barometers(make_bench, EK3_AFFINITY=affinity)
+    assert heights(bench) == ([1.0, 2.0] if affinity else [1.0])
+
+
+def test_core_whose_barometer_has_failed_uses_the_first_that_works(make_bench: MakeBench) -> None:
+    bench, source = with_barometers(make_bench, EK3_AFFINITY=2)
+    source.failed = 1
+    assert heights(bench) == [1.0, 1.0]
+    source.failed = 0
+    assert heights(bench) == [2.0, 2.0]
+
+
+def test_each_barometer_is_zeroed_by_its_own_height(make_bench: MakeBench) -> None:
+    bench, source = with_barometers(make_bench, EK3_AFFINITY=2)
+    bench.run_to(5.6)
+    assert bench.ahrs.reset_height_datum()
+    source.heights = (1.5, 3.0)
+    assert heights(bench) == [0.5, 1.0]
 
 
 # What they say

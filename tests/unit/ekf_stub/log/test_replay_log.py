@@ -14,7 +14,16 @@ from ap_core.log_field import LogValue
 from ap_core.log_structure import LogStructure
 from ap_core.quaternion import Quaternion
 from ap_core.vector3 import Vector3f
-from ekf_stub.inputs.measurements import FinderState, FlowMeasurement, GpsSample, ImuReading, InertialDelta, RangeState
+from ekf_stub.inputs.measurements import (
+    AllGps,
+    BaroReading,
+    FinderState,
+    FlowMeasurement,
+    GpsSample,
+    ImuReading,
+    InertialDelta,
+    RangeState,
+)
 from ekf_stub.inputs.sensors import Sensors
 from ekf_stub.log.ext_nav_log import VisualOdomFrame
 from ekf_stub.log.replay_log import (
@@ -29,7 +38,6 @@ from ekf_stub.log.replay_log import (
     ReplayLog,
     SensorSet,
     VehicleFrame,
-    gps_values,
 )
 
 START_US = 3_455_000
@@ -60,6 +68,7 @@ class Rig:
         self.sensors = SENSORS
         self.vehicle = VehicleFrame()
         self.gps: GpsSample | None = None
+        self.all_gps: AllGps | None = None
         self.ranges: RangeState | None = None
         self.camera = VisualOdomFrame(Vector3f(), 10, True, True)
         self._now_us = START_US
@@ -71,7 +80,7 @@ class Rig:
         self.log.start_frame(self._now_us, 0)
         self._now_us += FRAME_US
         self.log.vehicle(self.vehicle)
-        self.log.sensors(self.sensors, self.gps)
+        self.log.sensors(self.sensors, self.all_gps or AllGps((self.gps,)))
         self.log.ranges(self.ranges)
         self.log.frame(self.camera)
         self.log.note_run(was_initialised=was_initialised)
@@ -303,9 +312,29 @@ def test_without_gps_there_are_three_empty_places(new: Rig) -> None:
     assert [values[-2:] for name, values in records if name == "RGPJ"] == [(65535, 0), (65535, 1), (0, 2)]
 
 
-def test_lag_of_a_gps_that_is_not_there_is_logged() -> None:
-    header, (slow, _) = gps_values(None, 0.1)
-    assert (header, slow) == ((0, 0), (0, 0, 0, 0.1, 8, 0, 0, 0))
+def test_lag_of_a_gps_that_is_not_there_is_logged(new: Rig) -> None:
+    new.log.start_frame(START_US, 0)
+    new.log.sensors(SENSORS, gps_lag_s=0.1)
+    assert next(values for name, values in new.records if name == "RGPI") == (0, 0, 0, 0.1, 8, 0, 0, 0)
+
+
+def test_two_gps_are_logged_with_their_numbers(rig: Rig) -> None:
+    first = GpsSample(5000, 3, CANBERRA, Vector3f(), 10)
+    rig.all_gps = AllGps((first, replace(first, num_sats=12)), primary=1)
+    rig.frame()
+    assert dict(rig.records)["RGPH"] == (2, 1)
+    slow = [values for name, values in rig.records if name == "RGPI"]
+    assert [(values[6], values[7]) for values in slow] == [(10, 0), (12, 1)]
+    assert [values[-1] for name, values in rig.records if name == "RGPJ"] == [0, 1]
+
+
+def test_barometers_that_differ_are_logged_each(rig: Rig) -> None:
+    rig.frame()
+    baros = BaroReading(3549, 0.5, is_healthy=False), BaroReading(3549, 0.75)
+    rig.sensors = replace(SENSORS, baro=(3549, 0.75), baros=baros)
+    rig.frame()
+    logged = [values for name, values in rig.records if name.startswith("RBR")]
+    assert logged[-3:] == [(1, 2), (3549, 0.5, 0, 0), (3549, 0.75, 1, 1)]
 
 
 def test_solution_of_a_gps_is_logged(rig: Rig) -> None:

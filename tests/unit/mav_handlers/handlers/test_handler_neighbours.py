@@ -74,6 +74,16 @@ class TestGpsInput:
         bench.run_ms(20)
         assert bench.logged("GPS") == []
 
+    def test_second_gps_takes_it_if_that_is_a_mavlink_gps(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(GPS1_TYPE=0, GPS2_TYPE=14)
+        assert bench.client.tell(replace(SOLUTION, gps_id=1)) is HANDLED
+        assert bench.client.tell(SOLUTION) is GPS_NOT_MAVLINK
+        bench.run_ms(40)
+        assert [record["I"] for record in bench.logged("GPS")] == [1]
+        sample = bench.vehicle.gps.sample()
+        assert sample is not None
+        assert sample.num_sats == 11
+
     def test_it_is_dropped_while_booting(self, make_bench: "MakeBench") -> None:
         bench = make_bench(GPS1_TYPE=14, until_ms=1000)
         assert bench.client.tell(SOLUTION) is GPS_NOT_MAVLINK

@@ -99,9 +99,12 @@ class Desk:
         self.channel = bench.client.channel
         self.ahrs = KnownAhrs()
         self.gps: GpsSample | None = None
+        self.second_gps: GpsSample | None = None
         self.known_home = KnownHome()
         monkeypatch.setattr(self.vehicle, "ahrs", self.ahrs)
-        monkeypatch.setattr(self.vehicle.gps, "sample", lambda: self.gps)
+        first, second = self.vehicle.gps.all
+        monkeypatch.setattr(first, "sample", lambda: self.gps)
+        monkeypatch.setattr(second, "sample", lambda: self.second_gps)
         monkeypatch.setattr(self.vehicle.copter, "home", self.known_home)
 
     @property

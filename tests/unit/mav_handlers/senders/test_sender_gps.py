@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""GPS_RAW_INT with and without a GPS."""
+"""GPS_RAW_INT with and without a GPS, and GPS2_RAW."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -11,8 +11,8 @@ import pytest
 from ap_core.location import Location
 from ap_core.vector3 import Vector3f
 from ekf_stub.inputs.measurements import GpsSample
-from mav_handlers.senders.gps import gps_raw_int
-from mav_handlers.wire.messages import GPS_RAW_INT
+from mav_handlers.senders.gps import gps2_raw, gps_raw_int
+from mav_handlers.wire.messages import GPS2_RAW, GPS_RAW_INT
 
 if TYPE_CHECKING:
     from tests.unit.mav_handlers.senders.conftest import Desk
@@ -62,3 +62,25 @@ def test_solution_beyond_float32_is_told_without_complaint(desk: "Desk") -> None
     desk.gps = replace(SAMPLE, vel_ned=Vector3f(3e38, 3e38, 0), horizontal_accuracy=3e38, yaw_deg=3e38)
     with np.errstate(over="raise", invalid="raise"):
         assert desk.channel.send(desk.ask(gps_raw_int))
+
+
+def test_second_gps_is_told_if_there_is_to_be_one(desk: "Desk") -> None:
+    desk.second_gps = SAMPLE
+    assert desk.has_nothing(gps2_raw)
+    desk.vehicle.params.set("GPS2_TYPE", 1)
+    assert desk.ask(gps2_raw) == GPS2_RAW(
+        time_usec=12_345_000,
+        fix_type=3,
+        lat=473_977_420,
+        lon=85_455_940,
+        alt=488_000,
+        eph=80,
+        epv=120,
+        vel=250,
+        cog=27_000,
+        satellites_visible=14,
+        dgps_numch=0,
+        dgps_age=0,
+    )
+    desk.second_gps = None
+    assert desk.ask(gps2_raw) == GPS2_RAW(0, 0, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0)

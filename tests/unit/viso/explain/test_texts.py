@@ -32,8 +32,6 @@ MADE_ELSEWHERE = {
     "over if is_over else lost": "variance_texts of each release, below",
     "line": "the banner, and what is left out, below",
     "_TEXTS[mode.number]": "the table of modes, below",
-    "self._driver.introduction": "of each driver of a GPS, below",
-    "driver.detected": "likewise",
     "text": "an argument of a function that sends it",
     "f'{prefix}: {failure}'": "the texts against arming, which tests/docs/test_arming_page.py goes through",
 }
@@ -91,7 +89,7 @@ def test_what_is_put_together_elsewhere_is_known() -> None:
 
 @pytest.mark.parametrize("driver", [MavlinkGpsDriver, UbloxDriver])
 def test_texts_of_drivers_of_a_gps_stand_in_the_index(driver: type[MavlinkGpsDriver | UbloxDriver]) -> None:
-    assert {driver.introduction, driver.detected} <= set(SHOWN)
+    assert {f"GPS 1: {driver.introduction}", f"GPS 1: {driver.detected}"} <= set(SHOWN)
 
 
 def the_filters() -> list[str]:

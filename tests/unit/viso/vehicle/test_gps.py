@@ -344,7 +344,7 @@ def test_estimator_and_endpoint_are_given_the_same(make_bench: "MakeBench") -> N
     bench = make_bench(GPS1_TYPE=14)
     bench.send(PACKET)
     bench.run_for(0.025)
-    sample = bench.vehicle.ahrs.state.gps
+    sample = bench.vehicle.ahrs.state.gps.used
     assert sample is not None
     assert sample.num_sats == 11
     assert bench.vehicle.gps.sample() == sample

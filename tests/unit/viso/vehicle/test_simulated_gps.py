@@ -182,6 +182,25 @@ def test_time_of_day_comes_from_the_receiver_if_it_knows_it() -> None:
     assert unknowing.vehicle.rtc.utc_us() == 0
 
 
+@pytest.mark.parametrize(("firmware", "off"), [("4.6", {"SIM_GPS2_DISABLE": 1}), ("2025-07", {"SIM_GPS2_ENABLE": 0})])
+def test_second_receiver_is_silent_unless_it_is_there(firmware: str, off: dict[str, float]) -> None:
+    receiver = Receiver(firmware=firmware, GPS2_TYPE=1)
+    second = receiver.vehicle.gps.all[1]
+    receiver.run(12_000)
+    assert second.sample() is None
+    [(name, is_off)] = off.items()
+    receiver.vehicle.params.set(name, 1 - is_off)
+    receiver.vehicle.params.set("SIM_GPS2_GLTCH_Z", -30)
+    receiver.run(22_000)
+    found = second.sample()
+    assert found is not None
+    assert (found.fix_type, found.location.alt_cm) == (6, HOME.alt_cm - 3000)
+    assert receiver.fix(receiver.now_ms).location == HOME
+    receiver.vehicle.params.set(name, is_off)
+    receiver.run(27_000)
+    assert second.sample() is None
+
+
 def test_vehicle_that_nobody_flies_has_no_receiver() -> None:
     vehicle = Vehicle(VehicleConfig(overrides={"GPS1_TYPE": 1}))
     for now_ms in range(2_455, 13_000, 20):

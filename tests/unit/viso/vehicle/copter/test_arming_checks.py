@@ -165,6 +165,21 @@ def test_mode_with_a_position_asks_how_good_a_gps_is(rig: "CopterRig", solution:
     assert failures(rig) == []
 
 
+@pytest.mark.parametrize(("second", "fails"), [
+    (fix(place=Location(PLACE.lat + 4400, PLACE.lng, PLACE.alt_cm)), []),
+    (fix(place=Location(PLACE.lat, PLACE.lng, PLACE.alt_cm + 5000)), ["GPS positions differ by 50.0m"]),
+    (fix(2), ["GPS 2: Bad fix"]),
+    (fix(is_healthy=False), ["GPS 2: not healthy"]),
+])  # fmt: skip
+def test_second_gps_is_to_be_good_too_and_near_the_first(rig: "CopterRig", second: GpsSample, fails: list[str]) -> None:
+    rig.ahrs.ekf_origin = PLACE
+    rig.ahrs.stand_at(PLACE)
+    rig.copter.home.set(PLACE, lock=True)
+    rig.gps, rig.second_gps = fix(place=PLACE), second
+    rig.copter.set_mode(ModeNumber.LOITER)
+    assert failures(rig) == fails
+
+
 @pytest.mark.parametrize(
     ("firmware", "source", "fails"),
     [(JULY_2025, 6, ["GPS 1: Bad fix"]), (STABLE_4_7, 6, []), (STABLE_4_7, 3, ["GPS 1: Bad fix"])],
