@@ -78,7 +78,7 @@ def flown() -> Flight:
 
 MAKERS: Final = {
     **machine.MAKERS,
-    "fly": by_ekf3(FlyingSource, ImuOptions()),
+    "fly": by_ekf3(FlyingSource, ImuOptions(with_each_imu=True)),
     "noisy": by_ekf3(BenchSource, NOISY),
     "two": by_ekf3(BenchSource, replace(NOISY, errors=replace(NOISY.errors, imus=2.0))),
     "hil": by_ekf3(HilSource, ImuOptions()),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def by_ekf3(
     make_source: Callable[[ImuOptions], VehicleSource], options: ImuOptions, *, buffer_ms: int = 0
 ) -> Callable[["Vehicle"], AhrsBase]:
-    """Return the maker of an AHRS that runs the filter on sensors; the options' compass is the vehicle's.
+    """Return the maker of an AHRS that runs the filter on sensors, whose compass and parameters are the vehicle's.
 
     Args:
         make_source: makes the sensors.
@@ -36,7 +36,7 @@ def by_ekf3(
 
     def make(vehicle: "Vehicle") -> AhrsBase:
         params = vehicle.params
-        source = make_source(replace(options, has_compass=compass_in_use(params)))
+        source = make_source(replace(options, has_compass=compass_in_use(params), params=params))
         return Ekf3Ahrs(
             source,
             vehicle.clock,

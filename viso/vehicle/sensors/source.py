@@ -15,6 +15,7 @@ import numpy as np
 from ap_core.clock import NEVER
 from ap_core.declination import get_declination_rad, get_earth_field_ga
 from ap_core.location import Location
+from ap_core.param import ParamTable
 from ekf_stub.core.vectors import Quat
 from ekf_stub.inputs.measurements import Array
 from ekf_stub.inputs.sensors import SensorSource
@@ -34,6 +35,9 @@ class ImuOptions:
         has_compass: says whether there is a compass, and in use.
         errors: what is wrong with the sensors.
         seed: of the random part of the errors.
+        params: the vehicle's parameters, by which sensors of a vehicle that flies err; None for none that err.
+        with_each_imu: whether each IMU of a vehicle that flies has data of its own, as many as SIM_IMU_COUNT says, with
+            the calibration that INS_ parameters say; otherwise all have the same, and one filter stands for all cores.
         home: where the vehicle starts; None for where the firmware's simulator does. A vehicle that nobody flies is
             then at the filter's origin, as soon as there is one.
     """
@@ -42,6 +46,8 @@ class ImuOptions:
     has_compass: Callable[[], bool] = lambda: False
     errors: SensorErrors = NO_ERRORS
     seed: int = 0
+    params: ParamTable | None = None
+    with_each_imu: bool = False
     home: Location | None = None
 
 
