@@ -15,6 +15,7 @@ from rich.console import Console
 
 from mav_handlers.links import Link, open_link
 from viso.errors import InputError, file_errors
+from viso.files.item_store import FileItemStore
 from viso.files.key_store import FileKeyStore
 from viso.files.outputs import growing_file
 from viso.firmware.releases import Firmware
@@ -43,6 +44,7 @@ PORTS_OF_AN_INSTANCE: Final = 10
 LOOPBACK: Final = "127.0.0.1"
 HOME: Final = "-35.363261,149.165230,584,353"
 STORAGE: Final = Path("storage.parm")
+MISSIONS: Final = Path("missions.txt")
 KEY: Final = Path("signing.key")
 LOG_DIR: Final = Path("logs")
 MULTICOPTERS: Final = (
@@ -107,7 +109,7 @@ def sitl(
     param: Annotated[
         list[str] | None, typer.Option("--param", "-P", help="NAME=VALUE; repeatable, wins over files.")
     ] = None,
-    wipe: Annotated[bool, typer.Option("--wipe", "-w", help="Forget stored parameters first.")] = False,
+    wipe: Annotated[bool, typer.Option("--wipe", "-w", help="Forget stored parameters and missions first.")] = False,
     speedup: Annotated[
         float | None, typer.Option("--speedup", "-s", help=f"Vehicle seconds in one second: default of {SPEEDUP}.")
     ] = None,
@@ -160,8 +162,8 @@ def sitl(
 
     It flies the same model of a multicopter as viso serve --imu fly, with the simulator's GPS. Its clock waits for the
     computer: a speed that cannot be reached is not reached, and no pass is lost. It waits for a client on
-    SERIAL0, keeps parameters in storage.parm and logs in logs/, both in the present folder, and starts again when a
-    client asks for it. It ends by Ctrl-C, or with the program that started it.
+    SERIAL0, keeps parameters in storage.parm, missions in missions.txt and logs in logs/ of the present folder, and
+    starts again when a client asks for it. It ends by Ctrl-C, or with the program that started it.
 
     Options of the simulator that have no effect here are taken in silence: -S, --rate, --unhide-groups, --config, --fg,
     --enable-fgview, --autotest-dir, --rtscts, --sim-address, --sim-port-in, --sim-port-out, --irlock-port,
@@ -197,7 +199,8 @@ def sitl(
     with file_errors(f"{LOG_DIR}"):
         LOG_DIR.mkdir(exist_ok=True)
     if wipe:
-        STORAGE.unlink(missing_ok=True)
+        for kept in (STORAGE, MISSIONS):
+            kept.unlink(missing_ok=True)
     for path in files:
         _print(f"Loaded defaults from {path}")
     parent = os.getppid()
@@ -249,12 +252,12 @@ def _boot(
     setup: _Setup, radio_address: tuple[str, int], streams: Sequence[VerdictStream], stop: Callable[[], bool]
 ) -> bool:
     """Run the vehicle from a start to the next one, or to the end; return whether there is to be a next one."""
-    store = ParamStore(STORAGE)
+    store, items = ParamStore(STORAGE), FileItemStore(MISSIONS)
     numbers = setup.ports(store.load())
     links_by_number = {number: setup.devices[number] for number in numbers if setup.devices[number].link}
     is_seen = any(setup.devices[number].is_vicon for number in numbers)
     config = VehicleConfig(
-        ahrs_maker(AhrsChoice(imu=FLIES, home=setup.home)),
+        ahrs_maker(AhrsChoice(imu=FLIES, home=setup.home, with_each_imu=True)),
         links=len(links_by_number),
         vicon=is_seen,
         defaults=setup.defaults,
@@ -263,6 +266,7 @@ def _boot(
         log_store=LogStore(LOG_DIR),
         param_store=store,
         signing_store=FileKeyStore(KEY),
+        item_store=items,
         firmware=setup.firmware,
         boot_utc_us=setup.boot_utc_us or time.time_ns() // 1000,
         message_intervals=load_message_intervals(Path(), len(links_by_number)),
@@ -282,10 +286,10 @@ def _boot(
                 lockstep.wait_for_client(link, stop)
                 _print(f"Connection on serial port {link.name.rpartition(':')[2]}")
         is_to_restart = lockstep.run(stop)
-    for loss in (f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()):
-        err.print(loss)
-    if store.failure:
-        err.print(f"parameters: {store.failure}")
+    losses = [f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()]
+    for loss in (*losses, store.failure, items.failure):
+        if loss is not None:
+            err.print(loss)
     return is_to_restart
 
 

@@ -48,7 +48,8 @@ class AhrsChoice:
     """What the command line says of attitude and position.
 
     A log is followed in place of a filter; else ``imu`` is the source of the sensors' data, each of ``imu_errors`` is
-    NAME=VALUE, and the seed that of their random part. ``home`` is LAT,LON,ALT,HEADING.
+    NAME=VALUE, and the seed that of their random part. ``home`` is LAT,LON,ALT,HEADING. ``with_each_imu`` gives each IMU
+    data of its own, and a filter.
     """
 
     log: Path | None = None
@@ -57,6 +58,7 @@ class AhrsChoice:
     imu_seed: int = 0
     heading_deg: float = 0.0
     home: str | None = None
+    with_each_imu: bool = False
 
 
 def of_stream(imu: str | None, stream: Path) -> str | None:
@@ -78,7 +80,13 @@ def imu_options(choice: AhrsChoice, default_imu: str = "bench") -> ImuOptions:
         raise InputError("--home and --heading both say where it points")
     heading_rad = heading_in_rad(choice.heading_deg) if home is None else home_heading_rad
     errors = parse_errors(choice.imu_errors or [])
-    return ImuOptions(heading_rad=heading_rad, errors=errors, seed=choice.imu_seed, home=home)
+    return ImuOptions(
+        heading_rad=heading_rad,
+        errors=errors,
+        seed=choice.imu_seed,
+        home=home,
+        with_each_imu=choice.with_each_imu,
+    )
 
 
 def _numbers(text: str | None) -> list[float] | None:
