@@ -48,8 +48,8 @@ class AhrsChoice:
     """What the command line says of attitude and position.
 
     A log is followed in place of a filter; else ``imu`` is the source of the sensors' data, each of ``imu_errors`` is
-    NAME=VALUE, and the seed that of their random part. ``home`` is LAT,LON,ALT,HEADING. ``with_each_imu`` gives each IMU
-    data of its own, and a filter.
+    NAME=VALUE, and the seed that of their random part. ``home`` is LAT,LON,ALT,HEADING. ``with_each_imu`` gives each
+    IMU data of its own, and a filter.
     """
 
     log: Path | None = None
