@@ -151,6 +151,7 @@ class Bench:
         until_ms: for how long it has run, 0 for not at all.
         filter_runs: whether the filter goes on from there; it is most of the work, and little of it is ever told.
         flies: whether it can fly.
+        has_log: whether its records go to a log; to start one takes as long as to run the filter.
     """
 
     def __init__(
@@ -163,6 +164,7 @@ class Bench:
         firmware: Firmware = JULY_2025,
         filter_runs: bool = True,
         flies: bool = False,
+        has_log: bool = False,
     ) -> None:
         self.log = MemoryLog()
         spies: list[SpyAhrs] = []
@@ -173,14 +175,17 @@ class Bench:
             return cast("AhrsBase", spies[-1])
 
         config = VehicleConfig(
-            make_ahrs, links=len(bauds), defaults=params, open_log=lambda: self.log, firmware=firmware
+            make_ahrs,
+            links=len(bauds),
+            defaults=params,
+            open_log=(lambda: self.log) if has_log else None,
+            firmware=firmware,
         )
         self.vehicle = Vehicle(config)
         self.ahrs = spies[0]
         self.endpoint = self.vehicle.endpoint
         self.scheduler = Scheduler(self.vehicle)
         self.records: list[tuple[str, dict[str, LogValue]]] = []
-        self.vehicle.logger.on_write = self._remember
         channels = [
             self.endpoint.open_channel(f"link{index}", baud=baud, version=version) for index, baud in enumerate(bauds)
         ]
@@ -191,7 +196,7 @@ class Bench:
         self.ahrs.runs = filter_runs
         for client in self.clients:
             client.read()
-        self.records.clear()
+        self.vehicle.logger.on_write = self._remember
 
     def _settle(self, until_ms: int) -> None:
         # Not measured as covered: it is no test of anything, and takes four times as long when it is.
@@ -259,6 +264,7 @@ def make_bench() -> MakeBench:
         firmware: Firmware = JULY_2025,
         filter_runs: bool | None = None,
         flies: bool = False,
+        has_log: bool = False,
         **params: float,
     ) -> Bench:
         filter_runs = until_ms == 0 if filter_runs is None else filter_runs
@@ -270,6 +276,7 @@ def make_bench() -> MakeBench:
             firmware=firmware,
             filter_runs=filter_runs,
             flies=flies,
+            has_log=has_log,
         )
 
     return make

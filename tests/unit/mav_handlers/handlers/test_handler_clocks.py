@@ -30,6 +30,11 @@ def utc_us(bench: "Bench") -> int:
 class TestTimesync:
     """Requests, replies, and what a reply does."""
 
+    @pytest.fixture
+    def asked(self, make_bench: "MakeBench") -> "Bench":
+        """Return a vehicle that logs, and has just sent its first request."""
+        return make_bench(until_ms=10_000, has_log=True)
+
     def test_request_is_answered_at_once_with_the_arrival_time_in_ns(self, client: "Client") -> None:
         client.tell(TIMESYNC(0, 12345))
         assert client.read() == [TIMESYNC(5_000_000_000, 12345)]
@@ -61,38 +66,36 @@ class TestTimesync:
     # The stamp's last digits are no time: they cost a microsecond, until float32 is too coarse for them.
     @pytest.mark.parametrize(("delay_ms", "round_trip_us"), [(5, 4999), (20, 20_000)])
     def test_matching_reply_is_logged_with_its_round_trip_time(
-        self, make_bench: "MakeBench", delay_ms: int, round_trip_us: int
+        self, asked: "Bench", delay_ms: int, round_trip_us: int
     ) -> None:
-        bench = make_bench(until_ms=10_000)
-        bench.run_ms(delay_ms)
-        assert bench.client.tell(TIMESYNC(99, 10_000_000_001)) is HANDLED
-        [record] = bench.logged("TSYN")
+        asked.run_ms(delay_ms)
+        assert asked.client.tell(TIMESYNC(99, 10_000_000_001)) is HANDLED
+        [record] = asked.logged("TSYN")
         assert (record["SysID"], record["RTT"]) == (255, round_trip_us)
 
     def test_round_trip_ends_with_the_arrival_of_the_reply(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(bauds=(115200,), until_ms=10_000)
+        bench = make_bench(bauds=(115200,), until_ms=10_000, has_log=True)
         bench.run_ms(5)
         bench.client.tell(TIMESYNC(99, 10_000_000_001))
         assert [record["RTT"] for record in bench.logged("TSYN")] == [4999 - 86 * 28]
 
-    def test_each_matching_reply_is_logged(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(until_ms=10_000)
-        bench.client.tell(TIMESYNC(99, 10_000_000_001), TIMESYNC(99, 10_000_000_001))
-        assert len(bench.logged("TSYN")) == 2
+    def test_each_matching_reply_is_logged(self, asked: "Bench") -> None:
+        asked.client.tell(TIMESYNC(99, 10_000_000_001), TIMESYNC(99, 10_000_000_001))
+        assert len(asked.logged("TSYN")) == 2
 
-    def test_reply_to_anything_else_is_ignored(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(until_ms=10_000)
-        bench.client.tell(TIMESYNC(99, 10_000_000_002))
-        assert bench.logged("TSYN") == []
-        assert bench.client.read() == []
+    def test_reply_to_anything_else_is_ignored(self, asked: "Bench") -> None:
+        asked.client.tell(TIMESYNC(99, 10_000_000_002))
+        assert asked.logged("TSYN") == []
+        assert asked.client.read() == []
 
-    def test_reply_before_any_request_is_ignored(self, bench: "Bench", client: "Client") -> None:
-        client.tell(TIMESYNC(99, 0))
+    def test_reply_before_any_request_is_ignored(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(has_log=True)
+        bench.client.tell(TIMESYNC(99, 0))
         assert bench.logged("TSYN") == []
 
     @pytest.mark.slow
     def test_reply_on_another_link_is_ignored(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(bauds=(None, None), until_ms=0)
+        bench = make_bench(bauds=(None, None), until_ms=0, has_log=True)
         late = bench.clients[1].channel
         late.timesync_sent_us = 5_000_000
         bench.run_ms(11_000)

@@ -279,13 +279,15 @@ class TestAuxFunction:
         assert [record["Id"] for record in bench.logged("EV")] == [86, 87, 85]
 
     @pytest.mark.parametrize(("number", "result"), [(80, 1), (90, 1), (7, 0)])
-    def test_call_is_logged_with_source_3(self, bench: "Bench", client: "Client", number: int, result: int) -> None:
-        client.command(AUX, number, 1)
+    def test_call_is_logged_with_source_3(self, make_bench: "MakeBench", number: int, result: int) -> None:
+        bench = make_bench(until_ms=READY_MS, has_log=True)
+        bench.client.command(AUX, number, 1)
         [record] = bench.logged("AUXF")
         assert (record["function"], record["pos"], record["source"], record["result"]) == (number, 1, 3, result)
 
-    def test_denied_call_is_not_logged(self, bench: "Bench", client: "Client") -> None:
-        client.command(AUX, 80, 3)
+    def test_denied_call_is_not_logged(self, make_bench: "MakeBench") -> None:
+        bench = make_bench(until_ms=READY_MS, has_log=True)
+        bench.client.command(AUX, 80, 3)
         assert bench.logged("AUXF") == []
 
 

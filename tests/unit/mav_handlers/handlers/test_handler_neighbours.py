@@ -145,7 +145,7 @@ class TestGpsInput:
         assert bool(sensor_bits(bench.vehicle)[2] & SENSOR_GPS) is healthy
 
     def test_log_begins_with_the_gps(self, make_bench: "MakeBench") -> None:
-        bench = make_bench(GPS1_TYPE=14)
+        bench = make_bench(GPS1_TYPE=14, has_log=True)
         bench.vehicle.logger.close()
         bench.run_ms(10)
         assert "GPS 1: specified as MAV" in [record["Message"] for record in bench.logged("MSG")]
@@ -207,6 +207,10 @@ class TestDistanceSensor:
 
 class TestNamedValueFloat:
     """NAMED_VALUE_FLOAT."""
+
+    @pytest.fixture
+    def bench(self, make_bench: "MakeBench") -> "Bench":
+        return make_bench(has_log=True)
 
     def test_it_is_logged_with_its_sender(self, bench: "Bench", client: "Client") -> None:
         client.codec = Codec(42, 7)
