@@ -90,7 +90,7 @@ def estimate_delay(
     if len(pair) < _FEWEST_SAMPLES:
         return Delay(math.nan, math.inf, 0.0, False, 0.0)
     sparse = pair.thinned()
-    correlations = np.array([_correlation(sparse, delay_ms * 1e-3) for delay_ms in grid_ms])
+    correlations = _correlations(sparse, grid_ms)
     best = int(np.argmax(correlations))
     found = _refined(pair, float(grid_ms[best]))
     inside = SEARCH_MS[0] < found.delay_ms < SEARCH_MS[1]
@@ -123,7 +123,7 @@ def delays_over_time(
         if len(piece) < _FEWEST_SAMPLES:
             continue
         sparse = piece.thinned()
-        correlations = np.array([_correlation(sparse, delay_ms * 1e-3) for delay_ms in grid_ms])
+        correlations = _correlations(sparse, grid_ms)
         best = int(np.argmax(correlations))
         found = _refined(piece, float(grid_ms[best]))
         is_sure = correlations[best] >= _LEAST_OF_PIECE and found.sigma_ms <= _LARGEST_OF_PIECE_MS
@@ -133,9 +133,11 @@ def delays_over_time(
     return np.array(delays_ms), np.array(middles_s)
 
 
-def _correlation(pair: TurnPair, delay_s: float) -> float:
-    stream, vehicle = centred(pair.stream_rad), centred(pair.vehicle_rad(delay_s)[0])
-    return correlation_of(stream @ best_rotation(stream, vehicle).T, vehicle)
+def _correlations(pair: TurnPair, delays_ms: Array) -> Array:
+    """Return the correlation [K] at each delay [K], with the stream's axes rotated to fit."""
+    stream, vehicle = centred(pair.stream_rad), centred(pair.vehicle_rad(delays_ms * 1e-3)[0])
+    rotated = stream @ np.swapaxes(best_rotation(stream, vehicle), -1, -2)
+    return np.array([correlation_of(*both) for both in zip(rotated, vehicle, strict=True)])
 
 
 def _peak(grid_ms: Array, correlations: Array, best: int) -> float:
@@ -176,7 +178,7 @@ def _refined(pair: TurnPair, delay_ms: float) -> Delay:
         sigma_ms = math.sqrt(covariance[0, 0]) * 1e3
         delay_ms += float(np.clip(step[0] * 1e3, -_GRID_MS, _GRID_MS))
         chosen = pair.without_outliers(delay_ms * 1e-3, rotation)
-    correlation = _correlation(chosen, delay_ms * 1e-3)
+    (correlation,) = _correlations(chosen, np.array([delay_ms])).tolist()
     rate = chosen.rate_rad(delay_ms * 1e-3)
     settled = correlation >= LEAST_CORRELATION and sigma_ms <= LARGEST_SIGMA_MS and rate >= LEAST_RATE_RAD
     return Delay(delay_ms, sigma_ms, correlation, settled, rate)

@@ -49,14 +49,14 @@ class Attitudes:
         return len(self.time_s)
 
     def at(self, time_s: Array) -> tuple[Array, Mask]:
-        """Return the attitudes [K, 4] at times [K], and which are known: within the recording, and in no gap."""
+        """Return the attitudes [..., 4] at times [...], and which are known: within the recording, and in no gap."""
         if len(self) < 2:
-            return np.tile(IDENTITY_QUAT, (len(time_s), 1)), np.zeros(len(time_s), bool)
+            return np.full((*time_s.shape, 4), IDENTITY_QUAT), np.zeros(time_s.shape, bool)
         after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, len(self) - 1)
         step_s = self.time_s[after] - self.time_s[after - 1]
         share = (time_s - self.time_s[after - 1]) / step_s
         known = (share >= 0) & (share <= 1) & (step_s <= _LONGEST_GAP_S)
-        turned = quats_from_rotation_vectors(self.steps_rad[after - 1] * share[:, None])
+        turned = quats_from_rotation_vectors(self.steps_rad[after - 1] * share[..., None])
         return product(self.quats[after - 1], turned), known
 
 
@@ -97,7 +97,7 @@ def windows(time_s: Array, length_s: float) -> tuple[npt.NDArray[np.intp], npt.N
 
 
 def turns(track: Attitudes, start_s: Array, end_s: Array) -> tuple[Array, Mask]:
-    """Return the rotation vectors [K, 3] in rad from times to others, in the first body frame; and which are known."""
+    """Return the rotation vectors [..., 3] in rad from times to others, in the first body frame; and which are known."""
     first, first_known = track.at(start_s)
     second, second_known = track.at(end_s)
     return rotation_vectors_from_quats(product(inverse(first), second)), first_known & second_known
@@ -130,8 +130,9 @@ class TurnPair:
     def __len__(self) -> int:
         return len(self.start_s)
 
-    def vehicle_rad(self, delay_s: float) -> tuple[Array, Mask]:
-        """Return the vehicle's rotations [N, 3] in its body axes, ``delay_s`` earlier, and which are known."""
+    def vehicle_rad(self, delay_s: npt.ArrayLike) -> tuple[Array, Mask]:
+        """Return the vehicle's rotations [..., N, 3] in its body axes, delays [...] earlier, and which are known."""
+        delay_s = np.asarray(delay_s, np.float64)[..., None]
         return turns(self.vehicle, self.start_s - delay_s, self.end_s - delay_s)
 
     @property
@@ -179,8 +180,8 @@ def turn_pair(
 
 
 def centred(values: Array) -> Array:
-    """Return vectors [N, 3] less their mean, which includes a constant gyro bias."""
-    less_mean: Array = values - values.mean(axis=0)
+    """Return vectors [..., N, 3] less the mean of each N, which includes a constant gyro bias."""
+    less_mean: Array = values - values.mean(axis=-2, keepdims=True)
     return less_mean
 
 

@@ -27,10 +27,15 @@ _NEAR_PI_RAD: Final = 1e-3
 _CONJUGATE: Final = np.array((1.0, -1.0, -1.0, -1.0))
 
 
+def _parts(quats: npt.ArrayLike) -> tuple[Array, Array, Array, Array]:
+    wxyz = np.asarray(quats, np.float64)
+    return wxyz[..., 0], wxyz[..., 1], wxyz[..., 2], wxyz[..., 3]
+
+
 def product(first: npt.ArrayLike, second: npt.ArrayLike) -> Array:
     """Return the products [..., 4] of quaternions of any length: the second rotation, then the first."""
-    a, b, c, d = np.moveaxis(np.asarray(first, np.float64), -1, 0)
-    w, x, y, z = np.moveaxis(np.asarray(second, np.float64), -1, 0)
+    a, b, c, d = _parts(first)
+    w, x, y, z = _parts(second)
     return np.stack(
         (
             a * w - b * x - c * y - d * z,
@@ -91,7 +96,7 @@ def quats_from_euler(roll_pitch_yaw: npt.ArrayLike) -> Array:
 @np.errstate(all="ignore")
 def euler_from_quats(quats: npt.ArrayLike) -> Array:
     """Return roll, pitch and yaw [..., 3] of quaternions [..., 4]; NaN where they hold one."""
-    w, x, y, z = np.moveaxis(np.asarray(quats, np.float64), -1, 0)
+    w, x, y, z = _parts(quats)
     return np.stack(
         (
             np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
@@ -145,7 +150,7 @@ def rotation_vectors_from_quats(quats: npt.ArrayLike) -> Array:
 
 def rotations_from_quats(quats: npt.ArrayLike) -> Array:
     """Return the matrices [..., 3, 3] of quaternions [..., 4] of any length but 0."""
-    w, x, y, z = np.moveaxis(np.asarray(quats, np.float64), -1, 0)
+    w, x, y, z = _parts(quats)
     square = w * w + x * x + y * y + z * z
     rows = (
         (1.0 - 2 * (y * y + z * z) / square, 2 * (x * y - z * w) / square, 2 * (x * z + y * w) / square),
@@ -156,14 +161,14 @@ def rotations_from_quats(quats: npt.ArrayLike) -> Array:
 
 
 def best_rotation(source: Array, target: Array) -> Array:
-    """Return the rotation matrix [3, 3] that brings vectors [N, 3] nearest to others [N, 3] in squared distance.
+    """Return the matrices [..., 3, 3] that bring vectors [..., N, 3] nearest to others in squared distance.
 
     Source: Kabsch, A solution for the best rotation to relate two sets of vectors (1976).
     """
-    left, _, right = np.linalg.svd(target.T @ source)
-    sign = np.copysign(1.0, np.linalg.det(left) * np.linalg.det(right))
-    rotation: Array = (left * np.array([1.0, 1.0, sign])) @ right
-    return rotation
+    left, _, right = np.linalg.svd(np.swapaxes(target, -1, -2) @ source)
+    left[..., 2] *= np.copysign(1.0, np.linalg.det(left) * np.linalg.det(right))[..., None]
+    rotations: Array = left @ right
+    return rotations
 
 
 # One rotation at a time, as a matrix: SO(3) with right perturbations. Formulas are those of Barfoot, State Estimation
