@@ -150,6 +150,7 @@ class Bench:
         firmware: which release the vehicle is.
         until_ms: for how long it has run, 0 for not at all.
         filter_runs: whether the filter goes on from there; it is most of the work, and little of it is ever told.
+        filter_starts: whether it has run until then.
         flies: whether it can fly.
         has_log: whether its records go to a log; to start one takes as long as to run the filter.
     """
@@ -163,6 +164,7 @@ class Bench:
         until_ms: int,
         firmware: Firmware = JULY_2025,
         filter_runs: bool = True,
+        filter_starts: bool = True,
         flies: bool = False,
         has_log: bool = False,
     ) -> None:
@@ -191,6 +193,7 @@ class Bench:
         ]
         self.clients = [Client(self, channel) for channel in channels]
         self.client = self.clients[0]
+        self.ahrs.runs = filter_starts
         if until_ms:
             self._settle(until_ms)
         self.ahrs.runs = filter_runs
@@ -263,6 +266,7 @@ def make_bench() -> MakeBench:
         until_ms: int = SETTLED_MS,
         firmware: Firmware = JULY_2025,
         filter_runs: bool | None = None,
+        filter_starts: bool = True,
         flies: bool = False,
         has_log: bool = False,
         **params: float,
@@ -275,6 +279,7 @@ def make_bench() -> MakeBench:
             until_ms=until_ms,
             firmware=firmware,
             filter_runs=filter_runs,
+            filter_starts=filter_starts,
             flies=flies,
             has_log=has_log,
         )

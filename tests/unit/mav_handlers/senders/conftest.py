@@ -20,7 +20,7 @@ from mav_handlers.wire.messages import Message
 from viso.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from tests.unit.mav_handlers.conftest import Bench
+    from tests.unit.mav_handlers.conftest import Bench, MakeBench
 
 M = TypeVar("M", bound=Message)
 
@@ -137,6 +137,6 @@ class Desk:
 
 
 @pytest.fixture
-def desk(bench: "Bench", monkeypatch: pytest.MonkeyPatch) -> Desk:
+def desk(make_bench: "MakeBench", monkeypatch: pytest.MonkeyPatch) -> Desk:
     """Return a desk in front of a settled vehicle on a MAVLink 2 link."""
-    return Desk(bench, monkeypatch)
+    return Desk(make_bench(filter_starts=False), monkeypatch)
