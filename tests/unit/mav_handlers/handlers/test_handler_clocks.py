@@ -19,6 +19,11 @@ YEAR_2015_US = 1_420_070_400_000_000
 YEAR_2022_STAMP, YEAR_2026_STAMP = ((time_us - YEAR_2015_US) // 10 for time_us in (YEAR_2022_US, YEAR_2026_US))
 
 
+@pytest.fixture
+def filter_starts() -> bool:
+    return False
+
+
 def requests(client: "Client") -> list[int]:
     return [message.ts1 for message in client.read_of(TIMESYNC) if message.tc1 == 0]
 

@@ -47,6 +47,11 @@ DISTANCE = DISTANCE_SENSOR(0, 10, 1000, 250, 0, 0, 25, 0)
 WEEK_2300_US = (315_964_800 + 2300 * 604_800 - 18) * 1_000_000
 
 
+@pytest.fixture
+def filter_starts() -> bool:
+    return False
+
+
 def pose(usec: int) -> VISION_POSITION_ESTIMATE:
     return VISION_POSITION_ESTIMATE(usec, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

@@ -29,6 +29,11 @@ START, STOP = 1, 0
 STREAMS = ("RAW_SENS", "EXT_STAT", "RC_CHAN", "RAW_CTRL", "POSITION", "EXTRA1", "EXTRA2", "EXTRA3", "PARAMS", "ADSB")
 
 
+@pytest.fixture
+def filter_starts() -> bool:
+    return False
+
+
 def request(stream: int, rate_hz: int, start_stop: int = START, target: int = 1) -> REQUEST_DATA_STREAM:
     return REQUEST_DATA_STREAM(target, 1, stream, rate_hz, start_stop)
 

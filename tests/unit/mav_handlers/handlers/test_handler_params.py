@@ -33,6 +33,11 @@ INT8, INT16, INT32, REAL32 = 2, 4, 6, 9
 LIST = PARAM_REQUEST_LIST(1, 1)
 
 
+@pytest.fixture
+def filter_starts() -> bool:
+    return False
+
+
 def by_name(name: str) -> PARAM_REQUEST_READ:
     return PARAM_REQUEST_READ(1, 1, name, -1)
 

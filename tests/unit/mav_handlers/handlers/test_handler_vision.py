@@ -70,6 +70,11 @@ STAMPED = (*POSES, SPEED)
 EVERY = (*STAMPED, DELTA)
 
 
+@pytest.fixture
+def filter_starts() -> bool:
+    return False
+
+
 def by_name(messages: tuple[Message, ...]) -> pytest.MarkDecorator:
     return pytest.mark.parametrize("message", messages, ids=lambda message: type(message).__name__)
 

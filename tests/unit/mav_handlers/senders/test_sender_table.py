@@ -61,10 +61,10 @@ def test_every_name_is_one_of_the_dialect() -> None:
     assert all(message_id(name) >= 0 for name in SENDERS)
 
 
-@pytest.mark.parametrize("name", [name for name in SENDERS if name not in SILENT])
-def test_builder_returns_the_message_of_its_row(desk: "Desk", name: str) -> None:
-    message = SENDERS[name](desk.vehicle, desk.channel, 5_000_000)
-    assert message is None or type(message).__name__ == name
+def test_builder_returns_the_message_of_its_row(desk: "Desk") -> None:
+    for name in (name for name in SENDERS if name not in SILENT):
+        message = SENDERS[name](desk.vehicle, desk.channel, 5_000_000)
+        assert message is None or type(message).__name__ == name, name
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -102,10 +102,9 @@ def test_groups_have_the_ids_of_request_data_stream() -> None:
     }
 
 
-@pytest.mark.parametrize("name", IN_NO_STREAM)
-def test_messages_in_no_stream_are_known(name: str) -> None:
-    assert name in SENDERS
-    assert all(name not in names for _, names in STREAM_GROUPS.values())
+def test_messages_in_no_stream_are_known() -> None:
+    assert set(IN_NO_STREAM) <= set(SENDERS)
+    assert {name for _, names in STREAM_GROUPS.values() for name in names}.isdisjoint(IN_NO_STREAM)
 
 
 def test_silent_messages_are_accepted_and_not_sent(bench: "Bench", client: "Client") -> None:

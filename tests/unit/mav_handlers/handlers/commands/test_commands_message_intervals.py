@@ -29,6 +29,11 @@ TEN = (
 )
 
 
+@pytest.fixture
+def filter_starts() -> bool:
+    return False
+
+
 def interval_us(client: "Client", number: int) -> int:
     client.tell(COMMAND_LONG(1, 1, GET, 0, number, *(0.0,) * 6))
     interval, ack = client.read()
