@@ -97,7 +97,7 @@ def windows(time_s: Array, length_s: float) -> tuple[npt.NDArray[np.intp], npt.N
 
 
 def turns(track: Attitudes, start_s: Array, end_s: Array) -> tuple[Array, Mask]:
-    """Return the rotation vectors [..., 3] in rad from times to others, in the first body frame; and which are known."""
+    """Return the rotation vectors [..., 3] in rad from times to others, in the first body frame; which are known."""
     first, first_known = track.at(start_s)
     second, second_known = track.at(end_s)
     return rotation_vectors_from_quats(product(inverse(first), second)), first_known & second_known
