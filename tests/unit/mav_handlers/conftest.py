@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A whole vehicle on the bench in virtual time, and clients that talk to it in frames."""
 
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar, cast
 
@@ -19,6 +18,7 @@ from mav_handlers.channel import Channel
 from mav_handlers.endpoint import MessageEvent
 from mav_handlers.wire.codec import BadData, Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_INT, COMMAND_LONG, STATUSTEXT, Message
+from tests.uncovered import uncovered
 from viso.firmware.releases import JULY_2025, Firmware
 from viso.logs.logger import MemoryLog
 from viso.running.virtual_time import Scheduler
@@ -202,18 +202,13 @@ class Bench:
         self.vehicle.logger.on_write = self._remember
 
     def _settle(self, until_ms: int) -> None:
-        # Not measured as covered: it is no test of anything, and takes four times as long when it is.
-        trace = sys.gettrace()
-        sys.settrace(None)
-        try:
+        with uncovered():
             self.scheduler.period_us = BOOTING_PERIOD_US
             self.run_ms(booting_ms := min(BOOTING_MS, until_ms // 2))
             self.scheduler.period_us = SETTLING_PERIOD_US
             self.run_ms(until_ms - booting_ms - SETTLING_PERIOD_US / 1000)
             self.scheduler.period_us = LOOP_PERIOD_US
             self.run_ms(SETTLING_PERIOD_US / 1000)
-        finally:
-            sys.settrace(trace)
 
     def _remember(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
         self.records.append((structure.name, dict(zip(structure.fields, values, strict=True))))
