@@ -102,7 +102,10 @@ def test_wrong_angles_that_nothing_uses_are_a_note() -> None:
     assert findings["XN2-12"].severity is Severity.NOTE
 
 
-@pytest.mark.parametrize(("kind", "attitude_hz"), [("VISION_POSITION_ESTIMATE", 4.0), ("ODOMETRY", 10.0)])
+@pytest.mark.parametrize(
+    ("kind", "attitude_hz"),
+    [("VISION_POSITION_ESTIMATE", 4.0), pytest.param("ODOMETRY", 10.0, marks=pytest.mark.slow)],
+)
 @pytest.mark.parametrize(
     "motion",
     [
@@ -234,7 +237,12 @@ def test_growing_delay_is_found(begun_s: float, ms_a_second: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "motion", [NOISY, Motion(noise_rad=0.03), Motion(yaw_rad=0.02, tilt_rad=0.005, noise_rad=0.01)]
+    "motion",
+    [
+        pytest.param(NOISY, marks=pytest.mark.slow),
+        pytest.param(Motion(noise_rad=0.03), marks=pytest.mark.slow),
+        Motion(yaw_rad=0.02, tilt_rad=0.005, noise_rad=0.01),
+    ],
 )
 def test_delay_that_stays_does_not_grow(motion: Motion) -> None:
     rough = np.random.default_rng(3)
