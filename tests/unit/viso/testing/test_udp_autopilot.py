@@ -152,10 +152,10 @@ def test_what_runs_by_itself_is_not_to_be_touched(autopilot: UdpAutopilot) -> No
     autopilot.advance(ms=1)
 
 
-@pytest.mark.parametrize("speedup", [0, -1, 1001, float("nan")])
-def test_what_is_no_speed_is_refused(autopilot: UdpAutopilot, speedup: float) -> None:
-    with pytest.raises(ValueError, match=r"speedup .*: not between 0 and 1000"), autopilot.running(speedup=speedup):
-        pass
+def test_what_is_no_speed_is_refused(autopilot: UdpAutopilot) -> None:
+    for speedup in (0, -1, 1001, float("nan")):
+        with pytest.raises(ValueError, match=r"speedup .*: not between 0 and 1000"), autopilot.running(speedup=speedup):
+            pass
 
 
 def test_failure_of_the_vehicle_reaches_the_test(autopilot: UdpAutopilot, monkeypatch: pytest.MonkeyPatch) -> None:
