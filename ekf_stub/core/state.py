@@ -44,7 +44,7 @@ from ekf_stub.core.vectors import (
 EARTH_RATE: Final = 7.292115e-5
 MAX_INNOVATION: Final = 1e7
 _MAX_VEL: Final = 500.0
-_MAX_POS_NE: Final = 1e6
+_MAX_POS_NE: Final = 50e6
 _MAX_HEIGHT: Final = 4e4
 _MAX_DEPTH: Final = 1e4
 _MAX_EARTH_FIELD: Final = 1.0
