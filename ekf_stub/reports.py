@@ -194,6 +194,22 @@ class FilterStatus(NamedTuple):
     airspeed_variance: float = 0.0
 
 
+class ControlLimits(NamedTuple):
+    """What an estimator asks of controllers, so that its sensors see well.
+
+    Attributes:
+        speed_m_s: horizontal speed.
+        gain: by which corrections of the horizontal position and velocity are multiplied.
+        up_m: height above the origin; None for any.
+    """
+
+    speed_m_s: float = 400.0
+    gain: float = 1.0
+    up_m: float | None = None
+
+
+NO_LIMITS: Final = ControlLimits()
+
 NO_ESTIMATOR: Final = FilterStatus(FilterFlag(0))
 """Of an estimator that is chosen and does not run; no report is sent of it."""
 

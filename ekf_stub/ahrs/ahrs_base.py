@@ -22,7 +22,7 @@ from ekf_stub.core.params import EkfSources
 from ekf_stub.inputs.measurements import FlowMeasurement
 from ekf_stub.inputs.sensors import SensorSource
 from ekf_stub.log.ext_nav_log import ExtNavLog
-from ekf_stub.reports import FilterStatus
+from ekf_stub.reports import NO_LIMITS, ControlLimits, FilterStatus
 
 AP_AHRS_NAVEKF_SETTLE_TIME_MS: Final = 20_000
 ESTIMATOR_STARTUP_DELAY_US: Final = 1_000_000
@@ -212,6 +212,14 @@ class AhrsBase:
     def height_above_ground(self) -> float | None:
         """Return the height above the ground in m, or None while it is unknown (AP_AHRS::get_hagl)."""
         return None
+
+    def baro_height_m(self) -> float:
+        """Return the barometer's height above where it was calibrated, m (AP_Baro::get_altitude)."""
+        return 0.0
+
+    def control_limits(self) -> ControlLimits:
+        """Return how fast and high the vehicle may fly (AP_AHRS::getControlLimits, AP_AHRS::get_hgt_ctrl_limit)."""
+        return NO_LIMITS
 
     def writeExtNavData(
         self,

@@ -35,7 +35,7 @@ from ekf_stub.core.buffers import buffer_sizes
 from ekf_stub.core.core import Core
 from ekf_stub.core.events import YAW, Events
 from ekf_stub.core.ext_nav import ExtNav
-from ekf_stub.core.params import RANGEFINDER, EkfSources
+from ekf_stub.core.params import OPTFLOW, RANGEFINDER, EkfSources
 from ekf_stub.core.vectors import Quat, euler_of
 from ekf_stub.inputs.ingest_rules import KINDS, RULES, FilterOutcome
 from ekf_stub.inputs.measurements import (
@@ -68,8 +68,10 @@ from ekf_stub.release import STABLE_4_7, FilterRelease
 from ekf_stub.reports import (
     MAV_SEVERITY_INFO,
     NO_ESTIMATOR,
+    NO_LIMITS,
     NUMBER_OF_IMUS,
     AidingMode,
+    ControlLimits,
     CoreReport,
     FilterFlag,
     FilterStatus,
@@ -83,6 +85,14 @@ _OLD_EXTERNAL_YAW: Final = (5, 6)  # of EK3_MAG_CAL
 _HORIZ_POS: Final = FilterFlag.HORIZ_POS_ABS | FilterFlag.HORIZ_POS_REL
 _REPORTED: Final = (1 << 10) - 1  # flags that EKF_STATUS_REPORT has as they are
 _GLITCHING, _INITIALISED = 1 << 14, 1 << 16  # of nav_filter_status
+_FLOW_RELIED_ON_MS: Final = 10_000
+_ODOMETRY_GONE_MS: Final = 1_000
+_TURNING_RAD_S: Final = 1.0
+"""So much of the rates that flow may have is left to the vehicle's turning."""
+_FULL_GAIN_M: Final = 4.0
+_SHARE_OF_RANGE: Final = 0.7
+_RANGE_MARGIN_M: Final = 1.0
+_LEAST_LIMIT_M: Final = 1.0
 
 
 def _floats(place: Vector3f) -> Three:
@@ -566,6 +576,32 @@ class Ekf3Ahrs(AhrsBase):
         if core is None or not self.healthy() or core.height.is_lost or not core.flow.ground_is_valid:
             return None
         return core.height.terrain.down - core.output.now.pos[2]
+
+    def baro_height_m(self) -> float:
+        """Return the barometer's height above where it was calibrated, m; 0 before the first reading."""
+        read = None if self._sensors is None else self._with_zeroed_baro(self._sensors).baro
+        return 0.0 if read is None else read[1]
+
+    def control_limits(self) -> ControlLimits:
+        """Return what keeps flow and ranges within what their sensors measure, while they are navigated by.
+
+        Source: NavEKF3_core::getEkfControlLimits, NavEKF3_core::getHeightControlLimit.
+        """
+        core = self.core
+        if self._truth is not None or not self._active or core is None or core.aiding.mode != RELATIVE:
+            return NO_LIMITS
+        now_ms, terrain = self._now_ms(), core.height.terrain
+        speed_m_s, gain, up_m = NO_LIMITS
+        relies_on_flow = now_ms - core.flow_reading.valid_ms <= _FLOW_RELIED_ON_MS
+        if relies_on_flow and now_ms - core.aiding.odometry_ms > _ODOMETRY_GONE_MS:
+            flow_max = self._params.get_number(f"EK3_{self._release.flow_limit}")
+            speed_m_s = max(flow_max - _TURNING_RAD_S, 0.0) * max(terrain.above, terrain.ranges.on_ground)
+            gain = _FULL_GAIN_M / max(terrain.above, _FULL_GAIN_M)
+        if core.sources.uses_vel_xy(OPTFLOW) and core.flow.is_valid:
+            up_m = max(terrain.ranges.max_distance * _SHARE_OF_RANGE - _RANGE_MARGIN_M, _LEAST_LIMIT_M)
+            if core.sources.pos_z() != RANGEFINDER:
+                up_m -= terrain.down
+        return ControlLimits(speed_m_s, gain, up_m)
 
     def healthy(self) -> bool:
         """Return whether the estimator runs well."""

@@ -72,14 +72,14 @@ def global_position_int(vehicle: Vehicle, _channel: Channel, now_us: int) -> GLO
 
 
 def _relative_alt_mm(vehicle: Vehicle) -> int:
-    """Return the height above home; without home or position the barometer's, which does not change after boot.
+    """Return the height above home; without home or position the barometer's.
 
     Source: AP_AHRS::get_relative_position_D_home.
     """
     position = vehicle.ahrs.get_relative_position_NED_origin_float()
     home, origin = vehicle.copter.home.place, vehicle.ahrs.origin()
     if position is None or home is None or origin is None:
-        return 0
+        return int_of_float(1000.0 * vehicle.ahrs.baro_height_m())
     down_m = f32(position.z - f32(origin.alt_cm - home.alt_cm) * _CENTI)
     return int_of_float(float(down_m * f32(-1000)))
 

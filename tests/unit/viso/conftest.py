@@ -20,7 +20,7 @@ from ap_core.vector3 import Vector3f
 from ekf_stub.ahrs.ahrs_base import AhrsBase
 from ekf_stub.ahrs.ahrs_settable import SettableAhrs
 from ekf_stub.inputs.measurements import AllGps, GpsSample
-from ekf_stub.reports import FilterFlag, FilterStatus
+from ekf_stub.reports import NO_LIMITS, ControlLimits, FilterFlag, FilterStatus
 from mav_handlers.links.pair import make_pair
 from mav_handlers.wire.codec import Codec, Received
 from mav_handlers.wire.messages import COMMAND_ACK, COMMAND_LONG, ODOMETRY, PARAM_SET, Message
@@ -221,6 +221,7 @@ class FakeAhrs(SettableAhrs):
     terrain_is_stable = True
     velocity: Vector3f | None = None
     has_gps_as_source = True
+    limits = NO_LIMITS
 
     def __init__(self) -> None:
         super().__init__()
@@ -259,6 +260,9 @@ class FakeAhrs(SettableAhrs):
 
     def get_velocity_NED(self) -> Vector3f | None:
         return self.velocity
+
+    def control_limits(self) -> ControlLimits:
+        return self.limits
 
     def reset_height_datum(self) -> bool:
         self.height_resets += 1

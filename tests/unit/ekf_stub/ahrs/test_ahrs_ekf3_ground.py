@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from ekf_stub.inputs.measurements import DOWNWARD, FinderState, FlowMeasurement, RangeState, RangeStatus
+from ekf_stub.reports import NO_LIMITS, ControlLimits
 
 if TYPE_CHECKING:
     from tests.unit.ekf_stub.bench_rig import BenchRig
@@ -108,6 +109,41 @@ def test_only_a_range_finder_that_looks_down_is_one_for_the_filter(
     bench.state.ranges = ranges
     said = bench.ahrs.pre_arm_failure(requires_position=True)
     assert (said != "EK3 sources require RangeFinder") is fits
+
+
+def navigated(bench: "BenchRig", seconds: float = 2.0, ranges: RangeState = RANGES) -> ControlLimits:
+    """Return the limits after some time of flow and ranges at a standstill."""
+    bench.state.ranges = ranges
+    for _ in range(round(seconds / 0.1)):
+        bench.ahrs.write_flow(FlowMeasurement(180, (0.0, 0.0), (0.0, 0.0)), bench.now_ms)
+        bench.run_for(0.1)
+    return bench.ahrs.control_limits()
+
+
+def test_vehicle_that_navigates_by_flow_is_to_keep_to_what_its_sensors_see(bench: "BenchRig") -> None:
+    bench.run_to(SET_UP_S)
+    assert bench.ahrs.control_limits() == NO_LIMITS
+    terrain_m, limits = 0.5 * 0.25 + 0.125, navigated(bench, 3.0)
+    down_m, above_m = bench.core.height.terrain.down, bench.core.height.terrain.above
+    assert (limits.speed_m_s, limits.gain) == (1.5 * above_m, 1.0)
+    assert limits.up_m == pytest.approx(0.7 * 30 - 1 - down_m)
+    assert 0 < above_m < 10 * terrain_m
+    bench.params.set("EK3_FLOW_MAX", 0.5)
+    assert navigated(bench, 0.2).speed_m_s == 0.0
+
+
+def test_height_that_is_a_range_counts_from_the_ground(make_bench: MakeBench) -> None:
+    bench = make_bench("05201", has_compass=True, FLOW_TYPE=5)
+    bench.run_to(SET_UP_S)
+    assert navigated(bench, 3.0).up_m == pytest.approx(20.0)
+    assert navigated(bench, 0.2, RANGES._replace(max_distance=2.0)).up_m == 1.0
+
+
+def test_limits_end_with_the_flow(bench: "BenchRig") -> None:
+    bench.run_to(SET_UP_S)
+    navigated(bench, 3.0)
+    bench.run_for(6.0)
+    assert bench.ahrs.control_limits() == NO_LIMITS
 
 
 def test_height_above_the_ground_is_unknown_without_ranges(bench: "BenchRig") -> None:

@@ -38,6 +38,7 @@ class KnownAhrs:
     vel: Vector3f | None = None
     location: Location | None = None
     status: FilterStatus | None = None
+    baro_m: float = 0.0
     is_initialised: bool = True
     is_healthy: bool = True
     place_of_origin: Location | None = None
@@ -66,6 +67,9 @@ class KnownAhrs:
 
     def get_relative_position_NED_origin_float(self) -> Vector3f | None:
         return self.pos
+
+    def baro_height_m(self) -> float:
+        return self.baro_m
 
     def get_velocity_NED(self) -> Vector3f | None:
         return self.vel

@@ -106,7 +106,8 @@ class TestGlobalPositionInt:
     def test_height_above_home_is_the_barometers_while_anything_is_missing(self, desk: "Desk", missing: str) -> None:
         desk.ahrs.pos, desk.home, desk.origin = POSITION, HERE, HERE
         setattr(desk.ahrs if missing == "pos" else desk, missing, None)
-        assert desk.ask(global_position_int).relative_alt == 0
+        desk.ahrs.baro_m = 3.25
+        assert desk.ask(global_position_int).relative_alt == 3250
 
 
 @pytest.mark.parametrize(

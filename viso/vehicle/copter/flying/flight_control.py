@@ -217,6 +217,7 @@ class FlightControl:
             None if pos is None else (float(pos.x), float(pos.y), float(pos.z)),
             (0.0, 0.0, 0.0) if vel is None else (float(vel.x), float(vel.y), float(vel.z)),
             float(ahrs.get_yaw_rad()),
+            ahrs.control_limits(),
         )
 
     def _idle(self) -> None:

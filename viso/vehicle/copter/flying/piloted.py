@@ -5,6 +5,7 @@
 import math
 from typing import Final
 
+from viso.vehicle.copter.flying.position_control import Estimate, approach_speed
 from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Steering
 from viso.vehicle.sensors.vectors import yawed
 
@@ -13,6 +14,23 @@ TURN_RAD_S: Final = math.radians(202.5)
 BRAKE_M_S2: Final = 7.5
 CLIMB_M_S2: Final = 2.5
 """PILOT_ACCEL_Z's default."""
+SLOWEST_LOITER_M_S: Final = 0.2
+BACK_DOWN_M_S: Final = 0.75
+"""AVOID_BACKZ_SPD's default."""
+SOFT_M_S2: Final = 1.0
+
+
+def limited_climb(rate_m_s: float, estimate: Estimate) -> float:
+    """Return a climb rate that ends at the height to which the estimator sees well, and leads back to it from above.
+
+    Source: AC_Avoid::adjust_velocity_z.
+    """
+    if estimate.limits.up_m is None or estimate.pos is None or not rate_m_s:
+        return rate_m_s
+    below_m = estimate.limits.up_m + estimate.pos[2]
+    if below_m <= 0:
+        return min(rate_m_s, -min(approach_speed(-below_m, SOFT_M_S2), BACK_DOWN_M_S))
+    return min(rate_m_s, approach_speed(below_m, SOFT_M_S2))
 
 
 def _climb_and_turn(steering: Steering) -> None:
@@ -21,7 +39,7 @@ def _climb_and_turn(steering: Steering) -> None:
     pace = steering.travel_pace()._replace(
         speed_up=limits.pilot_speed_up, speed_down=limits.pilot_speed_dn, accel_z=CLIMB_M_S2
     )
-    steering.way.climb(up * sticks.throttle, pace, PERIOD_S)
+    steering.way.climb(limited_climb(up * sticks.throttle, steering.estimate), pace, PERIOD_S)
     if sticks.yaw:
         steering.heading.turn_at(TURN_RAD_S * sticks.yaw)
     else:
@@ -43,11 +61,11 @@ class Loiter(_FromHere):
     """Sticks ask for a velocity; centred, the vehicle stays. Other modes that hold a position do the same here."""
 
     def run(self) -> Lean | None:
-        """Go on for a period."""
+        """Go on for a period; sticks ask for no more than the estimator does (AC_Loiter::calc_desired_velocity)."""
         steering, limits, sticks = self._steering, self._steering.limits, self._steering.sticks
-        wanted = -limits.loit_speed * sticks.pitch, limits.loit_speed * sticks.roll, 0.0
-        north, east, _ = yawed(wanted, steering.estimate.yaw_rad)
-        pace = steering.travel_pace()._replace(speed=limits.loit_speed, accel=limits.loit_acc_max)
+        speed = max(min(limits.loit_speed, steering.estimate.limits.speed_m_s), SLOWEST_LOITER_M_S)
+        north, east, _ = yawed((-speed * sticks.pitch, speed * sticks.roll, 0.0), steering.estimate.yaw_rad)
+        pace = steering.travel_pace()._replace(speed=speed, accel=limits.loit_acc_max)
         steering.way.at_velocity(north, east, pace, PERIOD_S)
         _climb_and_turn(steering)
         return None

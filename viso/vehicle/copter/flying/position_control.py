@@ -8,22 +8,25 @@ Source: AC_AttitudeControl/AC_PosControl.cpp in outline. There a limit of jerk s
 import math
 from typing import Final, NamedTuple
 
+from ekf_stub.reports import NO_LIMITS, ControlLimits
 from viso.vehicle.sensors.vectors import ZERO, Three
 
 POSITION_GAIN: Final = 1.0
 VELOCITY_GAIN: Final = (2.0, 2.0, 4.0)
 INTEGRAL_GAIN: Final = 0.5
 MOST_INTEGRAL_M_S2: Final = 3.0
+_DOWN: Final = 2
 JUMP_M: Final = 0.25
 """An estimate that moves so much more than its velocity says was reset: the way moves along with it."""
 
 
 class Estimate(NamedTuple):
-    """The estimate: m and m/s (NED), yaw in rad; None for what is unknown."""
+    """The estimate: m and m/s (NED), yaw in rad; None for what is unknown; and what the estimator asks for."""
 
     pos: Three | None
     vel: Three
     yaw_rad: float
+    limits: ControlLimits = NO_LIMITS
 
 
 class Pace(NamedTuple):
@@ -125,9 +128,10 @@ class PositionControl:
         integral = []
         for axis in range(3):
             off_m = 0.0 if estimate.pos is None else self.pos[axis] - estimate.pos[axis]
-            error = self.vel[axis] + POSITION_GAIN * off_m - estimate.vel[axis]
+            gain = 1.0 if axis == _DOWN else estimate.limits.gain
+            error = self.vel[axis] + gain * POSITION_GAIN * off_m - estimate.vel[axis]
             summed = self._integral[axis] + INTEGRAL_GAIN * error * dt_s
             integral.append(min(max(summed, -MOST_INTEGRAL_M_S2), MOST_INTEGRAL_M_S2))
-            wanted.append(self._acc[axis] + VELOCITY_GAIN[axis] * error + integral[axis])
+            wanted.append(self._acc[axis] + gain * (VELOCITY_GAIN[axis] * error + integral[axis]))
         self._integral = integral[0], integral[1], integral[2]
         return wanted[0], wanted[1], wanted[2]

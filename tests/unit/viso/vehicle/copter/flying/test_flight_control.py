@@ -7,11 +7,13 @@ import math
 import pytest
 
 from ap_core.vector3 import Vector3f
-from ekf_stub.reports import FilterFlag
+from ekf_stub.reports import ControlLimits, FilterFlag
 from tests.unit.viso.vehicle.copter.flying.conftest import Flyer
 from viso.firmware.releases import STABLE_4_6
+from viso.vehicle.copter.flying.position_control import Estimate, PositionControl
 from viso.vehicle.copter.modes import ModeNumber
 from viso.vehicle.sensors.source import HOME
+from viso.vehicle.sensors.vectors import ZERO
 
 
 def test_armed_vehicle_stands_until_it_takes_off(flyer: Flyer) -> None:
@@ -140,6 +142,53 @@ def test_sticks_move_it_in_loiter_and_it_stays_without_them(up: Flyer) -> None:
     assert vel[2] == pytest.approx(-0.0712 * 2.5, abs=0.05)
     up.run(12.0)  # nobody repeats them
     assert max(map(abs, up.airframe.state.vel)) < 0.1
+
+
+def limit(flyer: Flyer, **limits: float) -> None:
+    """Let the estimator ask for limits."""
+    flyer.rig.ahrs.limits = ControlLimits(**limits)
+
+
+@pytest.mark.parametrize(("asked", "got"), [(2.0, 2.0), (400.0, 12.5), (0.0, 0.2)])
+def test_loiter_is_no_faster_than_the_estimator_asks_for(up: Flyer, asked: float, got: float) -> None:
+    limit(up, speed_m_s=asked)
+    up.set_mode(ModeNumber.LOITER)
+    for _ in range(6):
+        up.copter.receiver.override((1500, 1000, 1500, 1500))
+        up.run(1.0)
+    assert math.hypot(*up.airframe.state.vel[:2]) == pytest.approx(got, rel=0.05)
+
+
+@pytest.mark.parametrize("mode", [ModeNumber.ALT_HOLD, ModeNumber.LOITER])
+def test_climb_ends_where_the_estimator_asks_for(up: Flyer, mode: ModeNumber) -> None:
+    limit(up, up_m=12.0)
+    up.set_mode(mode)
+    for _ in range(12):
+        up.copter.receiver.override((1500, 1500, 2000, 1500))
+        up.run(1.0)
+    assert up.pos[2] == pytest.approx(-12.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("throttle", "rate"), [(2000, 0.75), (1500, 0.0), (1000, 2.5)])
+def test_vehicle_above_the_limit_comes_down_unless_its_stick_is_centred(up: Flyer, throttle: int, rate: float) -> None:
+    up.guide(pos_ned_m=(0.0, 0.0, -20.0))
+    up.run(15.0)
+    limit(up, up_m=10.0)
+    up.set_mode(ModeNumber.LOITER)
+    for _ in range(2):
+        up.copter.receiver.override((1500, 1500, throttle, 1500))
+        up.run(1.0)
+    assert up.airframe.state.vel[2] == pytest.approx(rate, abs=0.1)
+
+
+def test_horizontal_corrections_are_as_weak_as_the_estimator_asks_for() -> None:
+    off, pushed = [], []
+    for gain in (1.0, 0.25):
+        limits = ControlLimits(gain=gain)
+        off.append(PositionControl().acceleration(Estimate((1.0, 2.0, 3.0), ZERO, 0.0, limits), 0.02))
+        pushed.append(PositionControl().acceleration(Estimate(ZERO, (1.0, 2.0, 3.0), 0.0, limits), 0.02))
+    assert off[1] == pytest.approx((off[0][0] / 16, off[0][1] / 16, off[0][2]))
+    assert pushed[1] == pytest.approx((pushed[0][0] / 4, pushed[0][1] / 4, pushed[0][2]))
 
 
 @pytest.mark.parametrize("mode", [ModeNumber.STABILIZE, ModeNumber.ALT_HOLD, ModeNumber.LOITER])
