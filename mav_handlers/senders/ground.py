@@ -21,9 +21,9 @@ _UNKNOWN_QUALITY: Final = -1
 
 
 def rangefinder(vehicle: Vehicle, _channel: Channel, _now_us: int) -> RANGEFINDER | None:
-    """The range of the downward range finder in m, if there is one (GCS_MAVLINK::send_rangefinder)."""
-    distance_m = vehicle.ranges.downward_m()
-    return None if distance_m is None else RANGEFINDER(distance_m, 0.0)
+    """Range in m and voltage of the downward range finder, if there is one (GCS_MAVLINK::send_rangefinder)."""
+    seen = vehicle.ranges.downward()
+    return None if seen is None else RANGEFINDER(*seen)
 
 
 def distance_sensor(vehicle: Vehicle, channel: Channel, now_us: int) -> DISTANCE_SENSOR | None:

@@ -51,7 +51,7 @@ def interpreted() -> Iterator[Callable[..., Any]]:
     yield from (AP_VisualOdom.pre_arm_check, AP_VisualOdom_IntelT265.pre_arm_check)
     yield from (AhrsBase.pre_arm_failure, Ekf3Ahrs.pre_arm_failure, Cores.disagreement)
     yield source_failure
-    yield ranges.MavlinkRanges.failure
+    yield ranges.RangeFinders.failure
 
 
 def patterns_in(definition: ast.FunctionDef) -> Iterator[str]:

@@ -779,7 +779,18 @@ VEHICLE: Final = (
         ("XNR-01",),
     ),
     Text("Rangefinder 1: Not Connected", "likewise, for a long time", "likewise", "the same", ("XNR-01",)),
-    Text("Rangefinder 1: Not Detected", "viso does not emulate this `RNGFND1_TYPE`", "`RNGFND1_TYPE`", "10 is MAVLink"),
+    Text(
+        "Rangefinder 1: Not Detected",
+        "viso does not emulate this `RNGFND1_TYPE`, or it is analog and has no pin",
+        "`RNGFND1_TYPE`, `RNGFND1_PIN`",
+        "10 is MAVLink; with `--imu fly` 100 is the simulator's, and so is 1 with pin 0",
+    ),
+    Text(
+        "RNGFND1_PIN not set",
+        "an analog range finder has lost its pin",
+        "`RNGFND1_PIN`",
+        "set it to 0, the pin of the simulator's range finder",
+    ),
     Text(
         "Internal errors 0x10 l:12 flow_of_ctrl",
         "a state that the firmware considers impossible, such as an attitude that is not finite",

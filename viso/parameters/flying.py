@@ -22,6 +22,7 @@ AFTER_RC: Final = "RC"
 
 _FIRST, _WAY, _LEAN, _LAST = AFTER_FORMAT_VERSION, "GPS_HDOP_GOOD", "DISARM_DELAY", "FS_EKF_FILT"
 _YAW: Final = {0: "As it is", 1: "Next waypoint", 2: "Next waypoint but in RTL", 3: "Along the course"}
+_RTL_FROM: Final = {0: "Home", 1: "Terrain"}
 _CENTI: Final = 0.01
 
 
@@ -68,6 +69,7 @@ _THEN_MOVED: Final = (
 _ALIKE: Final = (
     (_FIRST, ParamInfo("RTL_CONE_SLOPE", FLOAT, 3.0, "RTL returns no higher than its way times this", "", (0.5, 10.0))),
     (_FIRST, ParamInfo("RTL_LOIT_TIME", INT32, 5000, "How long RTL waits above home", "ms", (0.0, 60000.0))),
+    (_FIRST, ParamInfo("RTL_ALT_TYPE", INT8, 0, "What RTL's height counts from: level ground here", values=_RTL_FROM)),
     (_WAY, ParamInfo("WP_YAW_BEHAVIOR", INT8, 2, "Where the vehicle looks on its way", values=_YAW)),
     (
         "FS_OPTIONS",
@@ -79,7 +81,7 @@ _ALIKE: Final = (
     ),
 )
 _ORDER: Final = (
-    *("RTL_ALT", "RTL_ALT_M", "RTL_CONE_SLOPE", "RTL_CLIMB_MIN", "RTL_CLIMB_MIN_M", "RTL_LOIT_TIME"),
+    *("RTL_ALT", "RTL_ALT_M", "RTL_CONE_SLOPE", "RTL_CLIMB_MIN", "RTL_CLIMB_MIN_M", "RTL_LOIT_TIME", "RTL_ALT_TYPE"),
     *("WP_YAW_BEHAVIOR", "LAND_SPEED", "LAND_SPD_MS", "LAND_SPEED_HIGH", "LAND_SPD_HIGH_MS"),
     *("PILOT_SPEED_DN", "LAND_ALT_LOW", "LAND_ALT_LOW_M", "PILOT_SPEED_UP", "PILOT_SPD_UP", "PILOT_SPD_DN"),
     *(

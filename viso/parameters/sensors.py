@@ -30,7 +30,8 @@ _GPS_TYPE: Final = {0: "None", 1: "Auto", 2: "uBlox", 5: "NMEA", 14: "MAVLink"}
 _GPS_SWITCH: Final = {0: "The primary one", 1: "The best", 2: "A blend", 4: "The primary one if it has a fix"}
 _FIRST_OR_SECOND: Final = {0: "The first", 1: "The second"}
 _ORIENTATION: Final = {int(rotation): rotation.name for rotation in Rotation}
-_RANGE_TYPE: Final = {0: "None", 10: "MAVLink"}
+_RANGE_TYPE: Final = {0: "None", 1: "Analog", 10: "MAVLink", 100: "Simulation"}
+_RANGE_FUNCTION: Final = {0: "Linear", 1: "Inverted", 2: "Hyperbolic"}
 _SIDES: Final = ("Forward", "Forward-Right", "Right", "Back-Right", "Back", "Back-Left", "Left", "Forward-Left")
 _DIRECTIONS: Final = {**dict(enumerate(_SIDES)), int(Rotation.PITCH_90): "Up", int(Rotation.PITCH_270): "Down"}
 _FLOW_TYPE: Final = {0: "None", 5: "MAVLink", 10: "Simulation"}
@@ -131,10 +132,17 @@ RANGE_FINDERS: Final = 2
 """How many range finders have parameters; the firmware has ten, of which its estimator uses the first two."""
 
 
-def _range_finder(*limits: ParamInfo) -> tuple[ParamInfo, ...]:
+def _range_finder(least: ParamInfo, most: ParamInfo, clearance: ParamInfo) -> tuple[ParamInfo, ...]:
     return (
         _enabling("TYPE", 0, "Kind of range finder", _RANGE_TYPE),
-        *limits,
+        ParamInfo("PIN", INT8, -1, "Pin of an analog range finder, -1 for none; the simulated one is on 0"),
+        ParamInfo("SCALING", FLOAT, 3.0, "Range of a voltage", "m/V"),
+        ParamInfo("OFFSET", FLOAT, 0.0, "Voltage of no range", "V"),
+        ParamInfo("FUNCTION", INT8, 0, "How a voltage means a range", values=_RANGE_FUNCTION),
+        least,
+        most,
+        ParamInfo("RMETRIC", INT8, 1, "Whether the voltage depends on the supply", values={0: "No", 1: "Yes"}),
+        clearance,
         ParamInfo("POS", VECTOR3F, _ZERO, "Place of the range finder on the vehicle", "m", (-5.0, 5.0)),
         ParamInfo("ORIENT", INT8, int(Rotation.PITCH_270), "Where it looks", values=_DIRECTIONS),
     )
@@ -229,6 +237,24 @@ def _simulated_barometer(noise_m: float) -> tuple[ParamInfo, ...]:
 FIRST_SIMULATED_BAROMETER: Final = _simulated_barometer(0.0)
 SECOND_SIMULATED_BAROMETER: Final = _simulated_barometer(0.2)
 
+
+# The simulator's own flow sensor and range finder, with FLOW_TYPE 10 and RNGFNDn_TYPE 1 and 100 (SITL/SITL.cpp).
+SIMULATED_GROUND_SENSORS: Final = (
+    ParamInfo("SONAR_ROT", INT8, int(Rotation.PITCH_270), "Where the range finder looks", values=_ORIENTATION),
+    ParamInfo("SONAR_GLITCH", FLOAT, 0.0, "How likely its voltage is that of the longest range", "", (0.0, 1.0)),
+    ParamInfo("SONAR_RND", FLOAT, 0.0, "Largest random error of its range", "m"),
+    ParamInfo("SONAR_SCALE", FLOAT, 12.1212, "Range of its voltage", "m/V"),
+    ParamInfo("FLOW_ENABLE", INT8, 0, "The flow sensor measures", values={0: "No", 1: "Yes"}),
+    ParamInfo("TERRAIN", INT8, 1, "The ground is that of terrain data, of which there are none", values=_OFF_ON),
+    ParamInfo("FLOW_RATE", INT16, 10, "How often it does", "Hz"),
+    ParamInfo("FLOW_DELAY", INT8, 0, "How many measurements late flow is", "", (0.0, 20.0)),
+)
+SIMULATED_PLACES: Final = (
+    ParamInfo("SONAR_POS", VECTOR3F, _ZERO, "Where the range finder is on the vehicle", "m"),
+    ParamInfo("FLOW_POS", VECTOR3F, _ZERO, "Where the flow sensor is on the vehicle", "m"),
+)
+SIMULATED_FLOW_NOISE: Final = (ParamInfo("FLOW_RND", FLOAT, 0.05, "Largest random error of flow", "rad/s"),)
+"""In a later table of the firmware."""
 
 # The simulator's own camera (SITL/SIM_Vicon.cpp): ``viso serve --imu fly --vision vicon``.
 VICON_IN_4_6: Final = (

@@ -1,13 +1,20 @@
 # SPDX-FileCopyrightText: 2026 The viso authors
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Range finders that DISTANCE_SENSOR messages feed (AP_RangeFinder/AP_RangeFinder.cpp, AP_RangeFinder_MAVLink.cpp)."""
+"""Range finders, and their drivers: of messages, of the simulator's sensor, and of its voltage.
 
+Source: AP_RangeFinder/AP_RangeFinder.cpp, AP_RangeFinder_Backend.cpp, AP_RangeFinder_MAVLink.cpp,
+AP_RangeFinder_SITL.cpp, AP_RangeFinder_analog.cpp.
+"""
+
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from ap_core.cint import i8, u32
+from ap_core.cint import i8, int_of_float, u16, u32
 from ap_core.clock import NEVER, Clock
 from ap_core.fmath import f32
 from ap_core.param import FromParams, ParamTable
@@ -18,16 +25,26 @@ from mav_handlers.wire.messages import DISTANCE_SENSOR
 from viso.firmware.log_releases import RFND
 from viso.parameters.releases import STABLE_4_7, RangeUnit
 from viso.parameters.sensors import RANGE_FINDERS
+from viso.vehicle.simulated_ranges import SimulatedRanges
 
 RANGE_TYPE_NONE: Final = 0
+RANGE_TYPE_ANALOG: Final = 1
 RANGE_TYPE_MAVLINK: Final = 10
+RANGE_TYPE_SIMULATED: Final = 100
 RANGE_PERIOD_US: Final = 50_000
 FIRST_RANGE_US: Final = 2_500_000  # phase of the reference's updates, in all recordings
 TIMEOUT_MS: Final = 500
 MASK_LOG_CTUN: Final = 1 << 4
 
+NO_PIN: Final = -1
+SIMULATED_PIN: Final = 0
+
 _CENTI: Final = f32(0.01)
+_MILLI: Final = f32(0.001)
 _HUNDRED: Final = f32(100)
+_THOUSAND: Final = f32(1000)
+_ZERO: Final = f32(0)
+_OF_UNKNOWN_KIND: Final = 4  # MAV_DISTANCE_SENSOR_UNKNOWN
 _UNKNOWN_QUALITY: Final = -1
 _WORST_QUALITY: Final = 0
 _HAVE_NO_DATA: Final = (RangeStatus.NOT_CONNECTED, RangeStatus.NO_DATA)
@@ -61,18 +78,23 @@ class _Setting(NamedTuple):
 
 
 class _Finder:
-    """A range finder whose type was 10 at boot."""
+    """A range finder, of a driver's kind that its type at boot chose.
+
+    Attributes:
+        kind: as DISTANCE_SENSOR has it.
+        distance, volts, quality: what it measured last, m, by which voltage, 0 if by none, and how good that is in
+            percent, -1 unknown.
+    """
+
+    kind = _OF_UNKNOWN_KIND
 
     def __init__(self, number: int, params: ParamTable, unit: RangeUnit) -> None:
         self._prefix = f"RNGFND{number}_"
         self._params = params
         self._unit = unit
         self.setting = FromParams(params, self._read)
-        self._heard_ms = 0
-        self._heard: DISTANCE_SENSOR | None = None
         self._status = RangeStatus.NOT_CONNECTED
-        self.kind = 0
-        self.distance = f32(0)
+        self.distance = self.volts = f32(0)
         self.quality = _UNKNOWN_QUALITY
 
     def _read(self) -> _Setting:
@@ -100,6 +122,45 @@ class _Finder:
         return self._status not in _HAVE_NO_DATA
 
     def take(self, packet: DISTANCE_SENSOR, now_ms: int) -> bool:
+        """Take a range of a message; return whether it is for this range finder."""
+        return False
+
+    def lacks_pin(self) -> bool:
+        """Return whether it needs a pin and has none."""
+        return False
+
+    def measure(self, now_ms: int) -> bool:
+        """Measure; return whether there is a range."""
+        raise NotImplementedError
+
+    def update(self, now_ms: int) -> None:
+        """Make what is measured now known (AP_RangeFinder_Backend::update_status)."""
+        if not self.is_there:
+            self._status = RangeStatus.NOT_CONNECTED
+        elif not self.measure(now_ms):
+            self._status = RangeStatus.NO_DATA
+        else:
+            least, most = self.limits()
+            is_near, is_far = self.distance < least, self.distance > most
+            near_or_good = RangeStatus.TOO_NEAR if is_near else RangeStatus.GOOD
+            self._status = RangeStatus.TOO_FAR if is_far else near_or_good
+
+    def limits(self) -> tuple[np.float32, np.float32]:
+        """Return the shortest and the longest range that counts, m."""
+        setting = self.setting()
+        return setting.least, setting.most
+
+
+class _MavlinkFinder(_Finder):
+    """A range finder whose ranges come in messages."""
+
+    def __init__(self, number: int, params: ParamTable, unit: RangeUnit) -> None:
+        super().__init__(number, params, unit)
+        self._heard_ms = 0
+        self._heard: DISTANCE_SENSOR | None = None
+        self.kind = 0
+
+    def take(self, packet: DISTANCE_SENSOR, now_ms: int) -> bool:
         """Take a range; return whether it is measured in the direction of this range finder."""
         if not self.is_there or packet.orientation != self.setting().orientation:
             return False
@@ -107,27 +168,78 @@ class _Finder:
         self.kind = packet.type
         return True
 
-    def update(self, now_ms: int) -> None:
-        """Make what was heard last known."""
-        if not self.is_there:
-            self._status = RangeStatus.NOT_CONNECTED
-        elif self._heard is None or u32(now_ms - self._heard_ms) > TIMEOUT_MS:
-            self._status, self.distance, self.quality = RangeStatus.NO_DATA, f32(0), _UNKNOWN_QUALITY
-        else:
-            self.distance = f32(self._heard.current_distance) * _CENTI
-            self.quality = _quality(self._heard.signal_quality)
-            least, most = self.limits()
-            is_near, is_far = self.distance < least, self.distance > most
-            near_or_good = RangeStatus.TOO_NEAR if is_near else RangeStatus.GOOD
-            self._status = RangeStatus.TOO_FAR if is_far else near_or_good
+    def measure(self, now_ms: int) -> bool:
+        """Take what was heard last, if that is not long ago."""
+        if self._heard is None or u32(now_ms - self._heard_ms) > TIMEOUT_MS:
+            self.distance, self.quality = f32(0), _UNKNOWN_QUALITY
+            return False
+        self.distance = f32(self._heard.current_distance) * _CENTI
+        self.quality = _quality(self._heard.signal_quality)
+        return True
 
     def limits(self) -> tuple[np.float32, np.float32]:
         """Return the shortest and the longest range that counts, m: the closer of its own and those of messages."""
-        setting, heard = self.setting(), self._heard
+        (own_least, own_most), heard = super().limits(), self._heard
         if heard is None or heard.min_distance == heard.max_distance == 0:
-            return setting.least, setting.most
+            return own_least, own_most
         least, most = (f32(limit) * _CENTI for limit in (heard.min_distance, heard.max_distance))
-        return max(setting.least, least), min(setting.most, most)
+        return max(own_least, least), min(own_most, most)
+
+
+class _SimulatedFinder(_Finder):
+    """The simulator's range finder."""
+
+    def __init__(self, number: int, params: ParamTable, unit: RangeUnit, simulated: SimulatedRanges) -> None:
+        super().__init__(number, params, unit)
+        self._simulated = simulated
+
+    def measure(self, now_ms: int) -> bool:
+        """Take its range; with nothing in sight there is none."""
+        range_m = self._simulated.range_m
+        if math.isinf(range_m):
+            return False
+        self.distance = f32(range_m)
+        return True
+
+
+class _Function(IntEnum):
+    """How a range follows from a voltage (RNGFNDn_FUNCTION)."""
+
+    LINEAR = 0
+    INVERTED = 1
+    HYPERBOLA = 2
+
+
+class _AnalogFinder(_Finder):
+    """A range finder whose range is a voltage on a pin; the simulator's is on pin 0, and there is none on others."""
+
+    def __init__(self, number: int, params: ParamTable, unit: RangeUnit, simulated: SimulatedRanges) -> None:
+        super().__init__(number, params, unit)
+        self._simulated = simulated
+        self._pin = FromParams(params, lambda: params.get_int(f"{self._prefix}PIN"))
+
+    def lacks_pin(self) -> bool:
+        """Return whether no pin is set."""
+        return self._pin() == NO_PIN
+
+    def measure(self, now_ms: int) -> bool:
+        """Take the range that the voltage means, in whole mV; without one it is that of 0 V."""
+        volts = f32(self._simulated.volts if self._pin() == SIMULATED_PIN else 0.0)
+        self.volts = f32(u16(int_of_float(float(volts * _THOUSAND)))) * _MILLI
+        self.distance = max(self._range(self.volts), _ZERO)
+        return True
+
+    def _range(self, volts: np.float32) -> np.float32:
+        params, prefix = self._params, self._prefix
+        scaling, offset = params.get_float(f"{prefix}SCALING"), params.get_float(f"{prefix}OFFSET")
+        match params.get_int(f"{prefix}FUNCTION"):
+            case _Function.LINEAR:
+                return f32((volts - offset) * scaling)
+            case _Function.INVERTED:
+                return f32((offset - volts) * scaling)
+            case _Function.HYPERBOLA if volts > offset:
+                return min(f32(scaling / (volts - offset)), self.setting().most)
+        return _ZERO
 
 
 def whole_cm(metres: np.float32) -> int:
@@ -146,19 +258,42 @@ def _report(number: int, finder: _Finder) -> RangeReport:
     return RangeReport(number - 1, finder.kind, setting.orientation, distance, least, most, finder.quality)
 
 
-class MavlinkRanges:
-    """The range finders, each if its RNGFNDn_TYPE was 10 at boot; ``unit`` is that of the release's parameters."""
+def _make_finder(number: int, params: ParamTable, unit: RangeUnit, simulated: SimulatedRanges | None) -> _Finder | None:
+    """Return a range finder of the type that its parameters ask for; None if there is none of that type."""
+    kind = params.get_int(f"RNGFND{number}_TYPE")
+    if kind == RANGE_TYPE_MAVLINK:
+        return _MavlinkFinder(number, params, unit)
+    if simulated is not None and kind == RANGE_TYPE_SIMULATED:
+        return _SimulatedFinder(number, params, unit, simulated)
+    if simulated is not None and kind == RANGE_TYPE_ANALOG and params.get_int(f"RNGFND{number}_PIN") != NO_PIN:
+        return _AnalogFinder(number, params, unit, simulated)
+    return None
+
+
+class RangeFinders:
+    """The range finders, each of the driver that its RNGFNDn_TYPE chose at boot.
+
+    Args:
+        clock, params, logger: the vehicle's.
+        unit: that of the release's parameters.
+        simulated: the simulator's range finder; None of a vehicle that nobody flies.
+    """
 
     def __init__(
-        self, clock: Clock, params: ParamTable, logger: RecordSink, unit: RangeUnit = STABLE_4_7.range_unit
+        self,
+        clock: Clock,
+        params: ParamTable,
+        logger: RecordSink,
+        unit: RangeUnit = STABLE_4_7.range_unit,
+        simulated: SimulatedRanges | None = None,
     ) -> None:
         self._clock = clock
         self._params = params
         self._logger = logger
         self._unit = unit
-        numbers = range(1, RANGE_FINDERS + 1)
-        at_boot = (number for number in numbers if params.get_int(f"RNGFND{number}_TYPE") == RANGE_TYPE_MAVLINK)
-        self._finders = {number: _Finder(number, params, unit) for number in at_boot}
+        self._simulated = simulated
+        made = ((number, _make_finder(number, params, unit, simulated)) for number in range(1, RANGE_FINDERS + 1))
+        self._finders: Mapping[int, _Finder] = {number: finder for number, finder in made if finder is not None}
         self._told: dict[int, FinderState] = {}
         self._state = self._find_state()
         self.is_enabled = self._downward() is not None
@@ -183,9 +318,11 @@ class MavlinkRanges:
         return NEVER if not self._finders else 0
 
     def update(self) -> None:
-        """Make what was heard known, 20 times per second (RangeFinder::update)."""
+        """Make what is measured known, 20 times per second (RangeFinder::update)."""
         if not self._finders:
             return
+        if self._simulated is not None:
+            self._simulated.measure()
         for finder in self._finders.values():
             finder.update(self._clock.millis())
         state = self._find_state()
@@ -227,10 +364,10 @@ class MavlinkRanges:
         down = self._downward()
         return down is not None and down.has_data
 
-    def downward_m(self) -> float | None:
-        """Return the range of the one that looks down, m; None without any."""
+    def downward(self) -> tuple[float, float] | None:
+        """Return the range of the one that looks down, m, and the voltage that means it, V; None without any."""
         down = self._downward()
-        return None if down is None else float(down.distance)
+        return None if down is None else (float(down.distance), float(down.volts))
 
     def reports(self) -> list[RangeReport]:
         """Return the data of each range finder that has any."""
@@ -242,6 +379,8 @@ class MavlinkRanges:
             finder = self._finders.get(number)
             if self._params.get_int(f"RNGFND{number}_TYPE") == RANGE_TYPE_NONE:
                 continue
+            if finder is not None and finder.lacks_pin():
+                return f"RNGFND{number}_PIN not set"
             what = "Not Detected" if finder is None else _FAILURES.get(finder.status)
             if what is not None:
                 return f"Rangefinder {number:X}: {what}"

@@ -46,15 +46,17 @@ from viso.vehicle.copter.copter import Copter
 from viso.vehicle.copter.motors import frame_text
 from viso.vehicle.copter.origin import Origin
 from viso.vehicle.copter.switches import SWITCH_PERIOD_US
-from viso.vehicle.flow import FLOW_PERIOD_US, MavlinkFlow
+from viso.vehicle.flow import FLOW_PERIOD_US, OpticalFlow
 from viso.vehicle.ftp import UartCounts, UartsText, VehicleFiles
 from viso.vehicle.gps import GPS_PERIOD_US, Gps
 from viso.vehicle.gps_receivers import GpsReceivers
-from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, MavlinkRanges
+from viso.vehicle.ranges import FIRST_RANGE_US, RANGE_PERIOD_US, RangeFinders
 from viso.vehicle.rtc import Rtc, RtcSource
 from viso.vehicle.sensors.flight import Event, Happening
 from viso.vehicle.sensors.source import ImuOptions, VehicleSource
+from viso.vehicle.simulated_flow import SimulatedFlow
 from viso.vehicle.simulated_gps import SimulatedGps
+from viso.vehicle.simulated_ranges import SimulatedRanges
 from viso.vehicle.tasks import Task, always_idle, next_due_us
 from viso.vehicle.vicon import Vicon
 
@@ -154,10 +156,17 @@ class Vehicle:
         self.visual_odom.init()
         self._camera_frames = FromParams(self.params, self._make_camera_frames)
         self.gps = GpsReceivers(self.clock, self.params, (self._make_gps(1), self._make_gps(2)), self._log_other_gps)
-        self.flow = MavlinkFlow(
-            self.clock, self.params, self.ahrs, self.logger, reads_rates=config.firmware.reads_flow_rates
+        airframe, shared = self.source.airframe, (self.source, self.params)
+        self.flow = OpticalFlow(
+            self.clock,
+            self.params,
+            self.ahrs,
+            self.logger,
+            reads_rates=config.firmware.reads_flow_rates,
+            simulated=None if airframe is None else SimulatedFlow(self.clock, airframe, *shared),
         )
-        self.ranges = MavlinkRanges(self.clock, self.params, self.logger, config.firmware.params.range_unit)
+        seen = None if airframe is None else SimulatedRanges(airframe, *shared)
+        self.ranges = RangeFinders(self.clock, self.params, self.logger, config.firmware.params.range_unit, seen)
         self.battery_monitor = self.params.get_int("BATT_MONITOR")
         self.origin = Origin(self)
         self.copter = Copter(self)

@@ -34,8 +34,8 @@ from viso.parameters.table import make_groups
 from viso.running.virtual_time import Scheduler
 from viso.terminal import console
 from viso.vehicle.copter.copter import Copter
-from viso.vehicle.flow import MavlinkFlow
-from viso.vehicle.ranges import MavlinkRanges
+from viso.vehicle.flow import OpticalFlow
+from viso.vehicle.ranges import RangeFinders
 from viso.vehicle.sensors.source import ImuOptions, VehicleSource
 from viso.vehicle.vehicle import LOOP_PERIOD_US, Vehicle, VehicleConfig, bench
 
@@ -310,7 +310,7 @@ class CopterRig:
         self.logger.on_write = lambda structure, values: self.records.append(
             (structure.name, dict(zip(structure.fields, values, strict=True)))
         )
-        self.ranges = MavlinkRanges(self.clock, self.params, self.logger)
+        self.ranges = RangeFinders(self.clock, self.params, self.logger)
         self.vehicle = cast(
             Vehicle,
             SimpleNamespace(
@@ -324,7 +324,7 @@ class CopterRig:
                 ahrs=self.ahrs,
                 visual_odom=self.visual_odom,
                 internal_errors=self.errors,
-                flow=MavlinkFlow(self.clock, self.params, cast(AhrsBase, self.ahrs), self.logger),
+                flow=OpticalFlow(self.clock, self.params, cast(AhrsBase, self.ahrs), self.logger),
                 ranges=self.ranges,
                 gps=self,
                 source=source or VehicleSource(ImuOptions()),

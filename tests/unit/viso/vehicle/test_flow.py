@@ -25,7 +25,7 @@ from viso.firmware.log_releases import OF
 from viso.firmware.releases import FEBRUARY_2026, JULY_2025, PROFILES, Firmware
 from viso.parameters.sensors import FLOW_WITH_OPTIONS
 from viso.parameters.table import make_groups
-from viso.vehicle.flow import MavlinkFlow
+from viso.vehicle.flow import OpticalFlow
 
 UPDATE_US = 5000
 
@@ -51,7 +51,7 @@ class Rig:
         self.records: list[dict[str, Any]] = []
         self.measured: list[tuple[FlowMeasurement, int]] = []
         ahrs = cast(AhrsBase, self)
-        self.flow = MavlinkFlow(self.clock, self.params, ahrs, self, reads_rates=firmware.reads_flow_rates)
+        self.flow = OpticalFlow(self.clock, self.params, ahrs, self, reads_rates=firmware.reads_flow_rates)
         self.clock.set_us(3_000_000)
 
     def get_gyro(self) -> Vector3f:

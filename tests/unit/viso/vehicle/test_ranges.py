@@ -17,7 +17,7 @@ from mav_handlers.wire.messages import DISTANCE_SENSOR
 from viso.firmware.log_releases import RFND
 from viso.firmware.releases import STABLE_4_6
 from viso.parameters.table import make_groups
-from viso.vehicle.ranges import RANGE_PERIOD_US, MavlinkRanges
+from viso.vehicle.ranges import RANGE_PERIOD_US, RangeFinders
 
 UPWARD = 24
 
@@ -38,7 +38,7 @@ class Rig:
             self.params.set(name, value)
         self.records: list[dict[str, Any]] = []
         unit = [] if release is None else [release.range_unit]
-        self.ranges = MavlinkRanges(self.clock, self.params, self, *unit)
+        self.ranges = RangeFinders(self.clock, self.params, self, *unit)
         self.clock.set_us(3_000_000)
 
     def write(self, structure: LogStructure, values: Sequence[LogValue]) -> None:
@@ -150,7 +150,7 @@ def test_estimator_is_told_of_the_first_good_one_that_looks_down() -> None:
     assert (state.ground_clearance, state.max_distance) == (0.25, 20.0)
     assert [finder.distance for finder in state.finders] == [1.0, 3.0]
     assert state.finders[1].place_frd == (0.5, 0.0, 0.0)
-    assert rig.ranges.downward_m() == 3.0
+    assert rig.ranges.downward() == (3.0, 0.0)
 
 
 def test_gap_before_a_second_one_is_not_connected() -> None:
