@@ -50,7 +50,7 @@ class Simulator:
             radio.sendto(struct.pack("<16H", *pulses_us), ("127.0.0.1", self.radio_port))
 
 
-def receive(link: Any, kind: str, **wanted: float) -> Any:
+def receive(link: Any, kind: str, **wanted: object) -> Any:
     """Return the next message of a kind with such values."""
     while True:
         message = link.recv_match(type=kind, blocking=True, timeout=LIMIT_S)
