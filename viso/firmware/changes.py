@@ -536,6 +536,13 @@ DIFFERENCES: Final[tuple[Difference, ...]] = (
     ),
     Difference(
         _PARAMETERS,
+        "default of `SIM_SPEEDUP`",
+        lambda one: f"{one.params.simulation[0].default:g}",
+        "params.simulation",
+        (Upstream("f7c0bf6bcc", "2025-06-03"),),
+    ),
+    Difference(
+        _PARAMETERS,
         "limit of optical flow",
         lambda one: f"`EK3_{one.params.flow_limit}`",
         "ekf.flow_limit",

@@ -82,6 +82,7 @@ class ParameterRelease:
         vicon: the group of the simulator's own camera.
         simulated_gps_prefix, simulated_gps: that of its GPS.
         second_simulated_gps: that of its second GPS.
+        simulation: the rows of its clock.
         failsafe: top-level entries that follow the ARMING_ group.
     """
 
@@ -105,6 +106,7 @@ class ParameterRelease:
     simulated_gps_prefix: str = "SIM_GPS1_"
     simulated_gps: Sequence[ParamInfo] = sensors.SIMULATED_GPS
     second_simulated_gps: Sequence[ParamInfo] = sensors.SECOND_SIMULATED_GPS
+    simulation: Sequence[ParamInfo] = sensors.SIMULATION
     failsafe: Sequence[ParamInfo] = copter.FAILSAFE
 
 
@@ -272,6 +274,7 @@ STABLE_4_6: Final = ParameterRelease(
     simulated_gps_prefix="SIM_GPS_",
     simulated_gps=sensors.SIMULATED_GPS_IN_4_6,
     second_simulated_gps=sensors.SECOND_SIMULATED_GPS_IN_4_6,
+    simulation=sensors.SIMULATION_IN_4_6,
     failsafe=copter.FAILSAFE_IN_4_6,
 )
 

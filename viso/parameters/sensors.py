@@ -179,8 +179,13 @@ FLOW_WITH_OPTIONS: Final = (
 """Since 2025-07-22."""
 
 
-SIMULATION: Final = (ParamInfo("SPEEDUP", FLOAT, 1.0, "Vehicle seconds in one second, for ``viso sitl``"),)
-"""The simulator's own clock (SITL/SITL.cpp)."""
+def _simulation(speedup: float) -> tuple[ParamInfo, ...]:
+    return (ParamInfo("SPEEDUP", FLOAT, speedup, "Vehicle seconds in one second, for `viso sitl`"),)
+
+
+# The simulator's own clock (SITL/SITL.cpp); what is not positive leaves it as the command line says.
+SIMULATION: Final = _simulation(1.0)
+SIMULATION_IN_4_6: Final = _simulation(-1.0)
 
 
 def _simulated_gps(

@@ -147,7 +147,7 @@ def make_groups(
         _object("BATT_", sensors.BATTERY, "BATT"),
         _object("BRD_RTC", sensors.RTC, "BRD_"),
         _object("SIM_", (*sensors.SIMULATED_WIND, *sensors.SIMULATED_GROUND_SENSORS), "SIM_"),
-        _object("SIM_", (*sensors.SIMULATION, *sensors.SIMULATED_PLACES), "SIM_"),
+        _object("SIM_", (*release.simulation, *sensors.SIMULATED_PLACES), "SIM_"),
         _object(release.simulated_gps_prefix, release.simulated_gps, "SIM_"),
         _object("SIM_GPS2_", release.second_simulated_gps, "SIM_"),
         _object("SIM_", sensors.SIMULATED_COUNTS, "SIM_"),
