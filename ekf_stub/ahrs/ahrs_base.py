@@ -168,6 +168,10 @@ class AhrsBase:
         origin, position = self.origin(), self.get_relative_position_NED_origin_float()
         return None if origin is None or position is None else origin.offset(position)
 
+    def last_location(self) -> Location | None:
+        """Return where the vehicle is, or was or may be; None if nothing is known (AP_AHRS::get_location's argument)."""
+        return self.get_location()
+
     def get_filter_status(self) -> FilterStatus | None:
         """Return the status of the filter, or None without a filter that runs."""
         return None

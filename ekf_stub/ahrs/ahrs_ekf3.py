@@ -552,6 +552,11 @@ class Ekf3Ahrs(AhrsBase):
         has_fix = self._active and fix is not None and fix.fix_type >= FIX_3D
         return fix.location if has_fix and fix is not None else None
 
+    def last_location(self) -> Location | None:
+        """Return where the vehicle is, else the last place of the filter that runs, for which it does not vouch."""
+        last = self.core.last_place() if self._active and self.core is not None and self._has_origin() else None
+        return self.get_location() or last
+
     def get_filter_status(self) -> FilterStatus | None:
         """Return flags and test ratios, once there are cores; no flag is set of an estimator that does not run."""
         if self._configured() is not Estimator.EKF3:

@@ -496,6 +496,7 @@ class Core:
             self.vel_pos.pos_ratio = 0.0
             self.resets.last_known_ne = state.pos[0], state.pos[1]
             state.set_pos((state.pos[0], state.pos[1], -self.height.baro_height))
+            self.resets.last_known_down = state.pos[2]
             self.odometry.is_fused = False
             self.flow.is_fused = False
         elif aiding.mode == RELATIVE:
@@ -839,6 +840,16 @@ class Core:
         if self._corrects_measurements():
             return common.alt_cm
         return int(single(100.0 * single(self._origin_height.reference_m)))
+
+    def last_place(self) -> Location | None:
+        """Return the place that is told though nothing vouches for it; None without an origin (getLLH)."""
+        if self.origin is None:
+            return None
+        if self.aiding.mode == NO_AIDING:
+            (north, east), down = self.resets.last_known_ne, self.resets.last_known_down
+        else:
+            north, east, down = self.output.now.pos
+        return self.origin.offset(Vector3f(north, east, down))
 
     def position(self) -> Vec3:
         """Return the present position, metres NED from the common origin as it was set (getPosNE, getPosD).

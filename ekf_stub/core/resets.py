@@ -23,7 +23,7 @@ class Resets:
 
     Attributes:
         moved_ne: by how much the last reset of position moved, m north and east (posResetNE).
-        last_known_ne: where the vehicle counts as being without aiding.
+        last_known_ne, last_known_down: where the vehicle counts as being without aiding, m.
     """
 
     def __init__(
@@ -45,6 +45,7 @@ class Resets:
         self._gps = gps
         self.moved_ne: Vec2 = (0.0, 0.0)
         self.last_known_ne: Vec2 = (0.0, 0.0)
+        self.last_known_down = 0.0
 
     def position(self, now_ms: int, by_gps: bool) -> None:
         """Put the horizontal position where it was measured last, or without aiding known last (ResetPosition).

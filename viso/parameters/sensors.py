@@ -160,6 +160,11 @@ RANGE_FINDER_IN_CM: Final = _range_finder(
 )
 
 
+TERRAIN: Final = (
+    _enabling("ENABLE", 1, "Ask for terrain data, which none here takes", _OFF_ON, reboot_required=False),
+)
+
+
 def _flow_scale(axis: str) -> ParamInfo:
     text = f"Correction of flow about the {axis} axis, per mille"
     return ParamInfo(f"_F{axis}SCALER", INT16, 0, text, "", (-800.0, 800.0))

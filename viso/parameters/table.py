@@ -164,6 +164,7 @@ def make_groups(
         make_ekf3_group(release.flow_limit, release.source_options),
         _object("MIS_", copter.MISSION, "MIS_"),
         *(_object(f"RNGFND{number}_", release.range_finder, "RNGFND") for number in _RANGE_FINDERS),
+        _object("TERRAIN_", sensors.TERRAIN, "TERRAIN_"),
         _object("FLOW", release.flow, "FLOW"),
         _object("", (*release.second_table, *copter.FRAME_CLASS), ""),
         *(_object(f"RC{number}_", copter.rc_channel(number), "") for number in range(1, copter.NUMBER_OF_CHANNELS + 1)),

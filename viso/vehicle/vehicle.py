@@ -512,7 +512,7 @@ class Vehicle:
     def last_location(self) -> Location | None:
         """Return the position of the vehicle, or the last one that was known at a call."""
         # FIRMWARE PARITY: each link remembers what it told itself.
-        self._last_location = self.ahrs.get_location() or self._last_location
+        self._last_location = self.ahrs.last_location() or self._last_location
         return self._last_location
 
     def _take_gps_time(self, utc_us: int) -> None:

@@ -21,12 +21,16 @@ _STICKS: Final = ("ROLL", "PITCH", "THROTTLE", "YAW")
 
 
 class Sticks(NamedTuple):
-    """Deflections -1..1: roll to the right, pitch with the nose up, throttle up of its middle, yaw to the right."""
+    """Deflections -1..1: roll to the right, pitch with the nose up, throttle up of its middle, yaw to the right.
+
+    ``lever`` is the throttle stick from its lower end to its upper, 0..1, without a dead zone about its middle, 0.5.
+    """
 
     roll: float = 0.0
     pitch: float = 0.0
     throttle: float = 0.0
     yaw: float = 0.0
+    lever: float = 0.5
 
 
 CENTRED: Final = Sticks()
@@ -60,6 +64,13 @@ class _Range(NamedTuple):
             pwm_us = self.high - (pwm_us - self.low)
         bottom = self.low + self.dead_zone
         return max(pwm_us - bottom, 0) / (self.high - bottom) if self.high > bottom else 0.0
+
+    def lever(self, pwm_us: int) -> float:
+        """Return 0..1, with 0.5 at the middle of the range (Mode::get_pilot_desired_throttle)."""
+        at, middle = self.share(pwm_us), self.share((self.low + self.high) // 2)
+        if at < middle:
+            return 0.5 * at / middle
+        return 0.5 + 0.5 * (at - middle) / (1 - middle) if middle < 1 else 1.0
 
     def climb(self, pwm_us: int, zone: float) -> float:
         """Return -1..1, about the middle of the range; ``zone`` is THR_DZ as a share of it.
@@ -124,8 +135,11 @@ class Receiver:
             return CENTRED
         roll, pitch, throttle, yaw = self._ranges()
         pwm_us = self.pwm_us(throttle.channel)
-        climb = 0.0 if pwm_us is None else throttle.climb(pwm_us, self._throttle_zone())
-        return Sticks(self._deflection(roll), self._deflection(pitch), climb, self._deflection(yaw))
+        leans = self._deflection(roll), self._deflection(pitch)
+        if pwm_us is None:
+            return Sticks(*leans, yaw=self._deflection(yaw))
+        climb = throttle.climb(pwm_us, self._throttle_zone())
+        return Sticks(*leans, climb, self._deflection(yaw), throttle.lever(pwm_us))
 
     def is_throttle_down(self) -> bool:
         """Return whether the throttle stick is at its lower end, or nobody moves it."""

@@ -21,7 +21,7 @@ from viso.vehicle.copter.estimates import Estimates
 from viso.vehicle.copter.flying.auto import Auto
 from viso.vehicle.copter.flying.descents import Land, ReturnHome
 from viso.vehicle.copter.flying.guided import Guided
-from viso.vehicle.copter.flying.piloted import Brake, HoldHeight, Loiter
+from viso.vehicle.copter.flying.piloted import Brake, HoldHeight, Loiter, Manual
 from viso.vehicle.copter.flying.position_control import Estimate
 from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Limits, Steering
 from viso.vehicle.copter.home import Home
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 PERIOD_US: Final = round(1e6 * PERIOD_S)
 SLOW_M_S: Final = 1.0
 LEAST_THRUST_M_S2: Final = 0.1 * GRAVITY_MSS
+LITTLE_LIFT_M_S2: Final = 0.25 * GRAVITY_MSS
+"""Less than this of a manual throttle is meant to stay on the ground."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +99,7 @@ class FlightControl:
         self.land = Land(self._steering, estimates.position_ok, self._height_m)
         self._returns = ReturnHome(self._steering, self.land, self._home_ned)
         self.auto = Auto(vehicle, self._steering, landing, self.land, self._returns, self.place_ned, disarm)
-        loiter, height = Loiter(self._steering), HoldHeight(self._steering)
+        loiter, height, manual = Loiter(self._steering), HoldHeight(self._steering), Manual(self._steering)
         self._modes: Mapping[int, _Mode] = {
             ModeNumber.GUIDED: self.guided,
             ModeNumber.AUTO: self.auto,
@@ -105,13 +107,13 @@ class FlightControl:
             ModeNumber.RTL: self._returns,
             ModeNumber.SMART_RTL: self._returns,
             ModeNumber.BRAKE: Brake(self._steering),
-            **dict.fromkeys((ModeNumber.STABILIZE, ModeNumber.ACRO, ModeNumber.ALT_HOLD), height),
-            ModeNumber.GUIDED_NOGPS: height,
+            **dict.fromkeys((ModeNumber.STABILIZE, ModeNumber.ACRO), manual),
+            **dict.fromkeys((ModeNumber.ALT_HOLD, ModeNumber.GUIDED_NOGPS), height),
         }
         self._others = loiter
         self._mode: _Mode | None = None
         self._next_us = 0
-        self._is_flying = self._was_idle = False
+        self._is_flying = self._was_idle = self._goes_down = False
         self._takeoff_down_m: float | None = None
 
     # What others ask
@@ -208,7 +210,7 @@ class FlightControl:
         return True
 
     def _is_piloted(self) -> bool:
-        return isinstance(self._modes.get(self._flight_modes.current.number, self._others), Loiter | HoldHeight)
+        return isinstance(self._modes.get(self._flight_modes.current.number, self._others), Loiter | HoldHeight | Manual)
 
     def _estimate(self) -> Estimate:
         ahrs = self._ahrs
@@ -280,13 +282,15 @@ class FlightControl:
         turn = steering.heading.rate(
             steering.estimate.yaw_rad, steering.way.vel[:2], steering.limits.atc_slew_yaw, PERIOD_S
         )
-        thrust = max(GRAVITY_MSS - down, LEAST_THRUST_M_S2) / (math.cos(lean.roll) * math.cos(lean.pitch))
+        lift = GRAVITY_MSS - down if lean.lift_m_s2 is None else lean.lift_m_s2
+        self._goes_down = steering.way.vel[2] > 0.0 if lean.lift_m_s2 is None else lift < LITTLE_LIFT_M_S2
+        thrust = max(lift, LEAST_THRUST_M_S2) / (math.cos(lean.roll) * math.cos(lean.pitch))
         self._airframe.demand(Demand(lean.roll, lean.pitch, thrust, turn))
 
     def _watch_ground(self) -> None:
         steering = self._steering
-        descends = steering.way.vel[2] > 0.0 and abs(steering.estimate.vel[2]) < SLOW_M_S
-        if not (descends and self._airframe.state.is_on_ground()):
+        is_to_land = self._goes_down and abs(steering.estimate.vel[2]) < SLOW_M_S
+        if not (is_to_land and self._airframe.state.is_on_ground()):
             self._landing.grounded_since_us = None
         elif self._landing.grounded_since_us is None:
             self._landing.grounded_since_us = steering.now_us

@@ -5,12 +5,15 @@
 import math
 from typing import Final
 
+from ekf_stub.core.inertial import GRAVITY_MSS
 from viso.vehicle.copter.flying.position_control import Estimate, approach_speed
 from viso.vehicle.copter.flying.steering import PERIOD_S, Lean, Steering
 from viso.vehicle.sensors.vectors import yawed
 
 TURN_RAD_S: Final = math.radians(202.5)
 """PILOT_Y_RATE's default."""
+HOVER_THROTTLE: Final = 0.39
+"""MOT_THST_HOVER of the simulator's multicopter."""
 BRAKE_M_S2: Final = 7.5
 CLIMB_M_S2: Final = 2.5
 """PILOT_ACCEL_Z's default."""
@@ -40,6 +43,11 @@ def _climb_and_turn(steering: Steering) -> None:
         speed_up=limits.pilot_speed_up, speed_down=limits.pilot_speed_dn, accel_z=CLIMB_M_S2
     )
     steering.way.climb(limited_climb(up * sticks.throttle, steering.estimate), pace, PERIOD_S)
+    _turn(steering)
+
+
+def _turn(steering: Steering) -> None:
+    sticks = steering.sticks
     if sticks.yaw:
         steering.heading.turn_at(TURN_RAD_S * sticks.yaw)
     else:
@@ -72,13 +80,34 @@ class Loiter(_FromHere):
 
 
 class HoldHeight(_FromHere):
-    """Sticks ask for lean angles and a climb rate. Modes with a manual throttle do the same here."""
+    """Sticks ask for lean angles and a climb rate."""
 
     def run(self) -> Lean | None:
         """Go on for a period."""
         _climb_and_turn(self._steering)
         most = self._steering.limits.angle_max
         return Lean(most * self._steering.sticks.roll, most * self._steering.sticks.pitch)
+
+
+class Manual(_FromHere):
+    """Sticks ask for lean angles and a thrust; with the throttle at its middle the vehicle neither climbs nor sinks.
+
+    Source: ArduCopter/mode_stabilize.cpp, Mode::get_pilot_desired_throttle.
+    """
+
+    def run(self) -> Lean | None:
+        """Go on for a period."""
+        steering, sticks = self._steering, self._steering.sticks
+        steering.way.restart(steering.estimate)  # so that the next mode begins with the motion that there is
+        _turn(steering)
+        most = steering.limits.angle_max
+        return Lean(most * sticks.roll, most * sticks.pitch, GRAVITY_MSS * _throttle(sticks.lever) / HOVER_THROTTLE)
+
+
+def _throttle(lever: float) -> float:
+    """Return the throttle of a stick, both 0..1, curved so that the stick's middle hovers."""
+    expo = min(max((0.5 - HOVER_THROTTLE) / 0.375, -0.5), 1.0)
+    return lever * (1.0 - expo) + expo * lever**3
 
 
 class Brake(_FromHere):

@@ -20,10 +20,11 @@ LEAST_RADIUS_M: Final = 0.05
 
 
 class Lean(NamedTuple):
-    """Lean angles in rad."""
+    """Lean angles in rad, and the vertical part of the thrust in m/s/s; None for what holds the height or climb."""
 
     roll: float
     pitch: float
+    lift_m_s2: float | None = None
 
 
 LEVEL: Final = Lean(0.0, 0.0)

@@ -323,3 +323,33 @@ def test_vehicle_tells_its_truth_on_earth(up: Flyer) -> None:
     assert truth.place == HOME.offset(Vector3f(*up.pos))
     assert truth.vel_ned_m_s == up.airframe.state.vel
     assert math.hypot(*truth.acc_frd_m_s2) == pytest.approx(9.8, abs=0.5)
+
+
+# A manual throttle
+
+
+@pytest.mark.parametrize(("throttle_us", "climbs"), [(1500, 0), (1700, 1), (1400, -1)])
+def test_throttle_of_stabilize_is_a_thrust(up: Flyer, throttle_us: int, climbs: int) -> None:
+    up.set_mode(ModeNumber.STABILIZE)
+    up.copter.receiver.override((1500, 1500, throttle_us, 1500))
+    up.run(1.0)
+    assert up.airframe.state.vel[2] == pytest.approx(0.0, abs=0.05) if not climbs else -climbs * up.airframe.state.vel[2] > 0.5
+
+
+def test_climb_goes_on_in_stabilize_with_a_centred_throttle(up: Flyer) -> None:
+    # Nothing holds the height: after a climb only the drag brakes.
+    up.set_mode(ModeNumber.STABILIZE)
+    for throttle_us, seconds in ((1700, 1.0), (1500, 2.0)):
+        up.copter.receiver.override((1500, 1500, throttle_us, 1500))
+        up.run(seconds)
+    assert up.airframe.state.vel[2] < -1.0
+
+
+def test_vehicle_lands_with_the_throttle_down_in_stabilize(flyer: Flyer) -> None:
+    flyer.set_mode(ModeNumber.STABILIZE)
+    flyer.run(0.1)
+    assert flyer.copter.arm(do_checks=False)
+    for throttle_us, seconds in ((1600, 4.5), (1450, 2.0), (1000, 2.5)):
+        flyer.copter.receiver.override((1500, 1500, throttle_us, 1500))
+        flyer.run(seconds)
+    assert flyer.copter.landing.landed
