@@ -169,7 +169,7 @@ class AhrsBase:
         return None if origin is None or position is None else origin.offset(position)
 
     def last_location(self) -> Location | None:
-        """Return where the vehicle is, or was or may be; None if nothing is known (AP_AHRS::get_location's argument)."""
+        """Return where the vehicle is, or was or may be; None if nothing is known (AP_AHRS::get_location)."""
         return self.get_location()
 
     def get_filter_status(self) -> FilterStatus | None:

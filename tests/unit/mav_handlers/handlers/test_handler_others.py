@@ -194,7 +194,7 @@ class TestAutopilotVersionRequest:
         assert client.read() == []
         bench.run_ms(3)
         [version] = client.read_of(AUTOPILOT_VERSION)
-        assert (version.capabilities, version.flight_sw_version, version.uid) == (64495, 0x04070000, 0)
+        assert (version.capabilities, version.flight_sw_version, version.uid) == (59823, 0x04070000, 0)
 
 
 class TestHeartbeat:

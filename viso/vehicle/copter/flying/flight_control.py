@@ -210,7 +210,9 @@ class FlightControl:
         return True
 
     def _is_piloted(self) -> bool:
-        return isinstance(self._modes.get(self._flight_modes.current.number, self._others), Loiter | HoldHeight | Manual)
+        return isinstance(
+            self._modes.get(self._flight_modes.current.number, self._others), Loiter | HoldHeight | Manual
+        )
 
     def _estimate(self) -> Estimate:
         ahrs = self._ahrs
