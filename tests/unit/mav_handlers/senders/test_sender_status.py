@@ -97,7 +97,7 @@ def test_capabilities_are_the_references_but_for_what_is_not_here(desk: "Desk") 
 def test_capabilities_of_a_mavlink_1_link_lack_mavlink_2(make_bench: "MakeBench") -> None:
     bench = make_bench(version=1)
     message = autopilot_version(bench.vehicle, bench.client.channel, 0)
-    assert message.capabilities == 64495 - CAPABILITY_MAVLINK2
+    assert message.capabilities == CAPABILITIES - CAPABILITY_MAVLINK2
 
 
 @pytest.mark.parametrize(("system_id", "name"), [(1, b"00017669736f000000"), (255, b"00ff7669736f000000")])
