@@ -13,6 +13,7 @@ from typing import Annotated, Final
 import typer
 from rich.console import Console
 
+from ekf_stub.ahrs.ahrs_base import AhrsBase
 from mav_handlers.links import Link, open_link
 from viso.errors import InputError, file_errors
 from viso.files.item_store import FileItemStore
@@ -36,7 +37,7 @@ from viso.terminal.serial_devices import DEFAULT_DEVICES, FORMS, SerialDevice, m
 from viso.terminal.settings import known_parameters, load_message_intervals, load_settings
 from viso.terminal.verdict_stream import LineWriter, VerdictFormat, VerdictStream
 from viso.vehicle.sensors.inertial_sources import FLIES
-from viso.vehicle.vehicle import VehicleConfig
+from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
 BASE_PORT: Final = 5760
 RADIO_PORT: Final = 5501
@@ -54,8 +55,7 @@ MULTICOPTERS: Final = (
 """The simulator's models that fly as the vehicle here does."""
 SPEEDUP: Final = "SIM_SPEEDUP"
 
-_UART_LETTERS: Final = "ABCDEFGHIJ"
-_SERIAL_OF_UART: Final = (0, 3, 1, 2, 4, 5, 6, 7, 8, 9)
+_SERIAL_OF_UART: Final = {"A": 0, "B": 3, "C": 1, "D": 2, "E": 4, "F": 5}
 """The numbers of SERIALn by the letter of the option of releases up to 4.4."""
 
 _FirstDevice = Annotated[
@@ -68,17 +68,19 @@ _Text = Annotated[str | None, typer.Option(hidden=True)]
 
 @dataclass(frozen=True)
 class _Setup:
-    """What stays over restarts: the release, values of parameters, devices of serial ports, and where it starts.
+    """What stays over restarts: the release, the AHRS's maker, values of parameters, and devices of serial ports.
 
-    ``devices`` are by number of the serial port; ``boot_utc_us`` is the time of day at the first start, 0 for now.
+    ``devices`` are by number of the serial port; ``boot_utc_us`` is the time of day at a start, 0 for now. ``radio`` is
+    the address of the radio's UDP port.
     """
 
     firmware: Firmware
+    make_ahrs: Callable[[Vehicle], AhrsBase]
     defaults: Mapping[str, float]
     read_only: frozenset[str]
     overrides: Mapping[str, float]
     devices: Sequence[SerialDevice]
-    home: str
+    radio: tuple[str, int]
     speedup: float
     boot_utc_us: int
 
@@ -188,11 +190,12 @@ def sitl(
         settings[profile.endpoint.params.system_id] = sysid
     setup = _Setup(
         profile,
+        ahrs_maker(AhrsChoice(imu=FLIES, home=home, with_each_imu=True)),
         settings,
         frozenset(read_only),
         load_settings([], param or [], links=MAX_LINKS, firmware=profile),
         _devices(serials, uarts, port, bind),
-        home,
+        (bind, radio_port),
         speedup or 1.0,
         start_time * 1_000_000,
     )
@@ -213,8 +216,14 @@ def sitl(
 
         _print(f"Starting sketch '{vehicle}'")
         _print("Starting SITL input")
-        while _boot(setup, (bind, radio_port), streams, stop):
+        losses: list[str] = []
+        while _boot(setup, streams, losses, stop):
             pass
+    losses += filter(None, (stream.failure() for stream in streams))
+    for loss in losses:
+        err.print(loss)
+    if losses:
+        raise typer.Exit(1)
 
 
 def _check_model(model: str, vehicle: str) -> None:
@@ -230,7 +239,7 @@ def _devices(
     """Return what each serial port is connected to."""
     given = [*DEFAULT_DEVICES, "none"]
     options = [f"--serial{number}" for number in range(len(given))]
-    for letter, number, text in zip(_UART_LETTERS, _SERIAL_OF_UART, uarts, strict=False):
+    for (letter, number), text in zip(_SERIAL_OF_UART.items(), uarts, strict=True):
         if text is not None:
             given[number], options[number] = text, f"--uart{letter}"
     for number, text in enumerate(serials):
@@ -248,16 +257,17 @@ def _open_streams(file: Path | None, stack: ExitStack) -> list[VerdictStream]:
     return [stream]
 
 
-def _boot(
-    setup: _Setup, radio_address: tuple[str, int], streams: Sequence[VerdictStream], stop: Callable[[], bool]
-) -> bool:
-    """Run the vehicle from a start to the next one, or to the end; return whether there is to be a next one."""
+def _boot(setup: _Setup, streams: Sequence[VerdictStream], losses: list[str], stop: Callable[[], bool]) -> bool:
+    """Run the vehicle from a start to the next one, or to the end; return whether there is to be a next one.
+
+    What could not be kept goes to ``losses``, a line each.
+    """
     store, items = ParamStore(STORAGE), FileItemStore(MISSIONS)
     numbers = setup.ports(store.load())
     links_by_number = {number: setup.devices[number] for number in numbers if setup.devices[number].link}
     is_seen = any(setup.devices[number].is_vicon for number in numbers)
     config = VehicleConfig(
-        ahrs_maker(AhrsChoice(imu=FLIES, home=setup.home, with_each_imu=True)),
+        setup.make_ahrs,
         links=len(links_by_number),
         vicon=is_seen,
         defaults=setup.defaults,
@@ -273,7 +283,7 @@ def _boot(
     )
     with ExitStack() as stack:
         links = [stack.enter_context(closing(_open(number, device))) for number, device in links_by_number.items()]
-        radio = stack.enter_context(closing(UdpRadio(*radio_address)))
+        radio = stack.enter_context(closing(UdpRadio(*setup.radio)))
         report = LiveReport(
             Console(quiet=True), [stream.take for stream in streams], [stream.take_outcome for stream in streams]
         )
@@ -286,10 +296,10 @@ def _boot(
                 lockstep.wait_for_client(link, stop)
                 _print(f"Connection on serial port {link.name.rpartition(':')[2]}")
         is_to_restart = lockstep.run(stop)
-    losses = [f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()]
-    for loss in (*losses, store.failure, items.failure):
-        if loss is not None:
-            err.print(loss)
+    losses += [f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()]
+    losses += filter(None, (store.failure, items.failure))
+    if radio.malformed:
+        err.print(f"radio: {radio.malformed} datagrams dropped, of another length than 16 or 32 bytes")
     return is_to_restart
 
 
