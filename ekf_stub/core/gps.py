@@ -49,6 +49,8 @@ _SPEED_HOLD_S: Final = 10.0
 _BAD_SPEED: Final = 1.5
 _GOOD_SPEED: Final = 1.0
 _BAD_INNOVATION_MS: Final = 1000
+_GOOD_VERTICAL_MS: Final = 3000
+_BAD_VERTICAL_MS: Final = 1000
 _GOOD_INNOVATION_MS: Final = 10_000
 _WARNING_RATIO: Final = 0.7
 
@@ -254,6 +256,7 @@ class Gps:
         is_in_use: whether solutions wait or have been taken since position was lost.
         tells_climb: whether the last one had a vertical velocity that is wanted.
         accuracy_good: whether solutions are good enough for flight.
+        height_good: whether their heights are, too (gpsAccuracyGoodForAltitude).
     """
 
     def __init__(self, params: Params, ring_size: int) -> None:
@@ -276,7 +279,7 @@ class Gps:
         self.pos_accuracy = 0.0
         self.height_accuracy = 0.0
         self.noise_scaler = 1.0
-        self.accuracy_good = False
+        self.accuracy_good = self.height_good = False
         self.is_in_use = False
         self.tells_climb = False
         self._speed_low_passed = 0.0
@@ -286,6 +289,9 @@ class Gps:
         self._checked_ms = 0
         self._innovations_passed_ms = 0
         self._innovations_failed_ms = 0
+        self._vertical_good = False
+        self._vertical_failed_ms = 0
+        self._vertical_passed_ms = 0
 
     def read(
         self,
@@ -393,6 +399,8 @@ class Gps:
             self._checked_ms = now_ms
             self._innovations_failed_ms = now_ms
             self._innovations_passed_ms = now_ms
+            self._vertical_failed_ms = now_ms
+            self._vertical_passed_ms = now_ms
         interval_s = 1e-3 * (now_ms - self._checked_ms)
         self._checked_ms = now_ms
         speed = fix.speed_accuracy
@@ -406,6 +414,15 @@ class Gps:
             self.speed_good = False
         elif self._speed_held < _GOOD_SPEED:
             self.speed_good = True
+        most, vertical = self._params.GPS_VACC_MAX, fix.vertical_accuracy
+        if most <= 0 or (vertical is not None and vertical < most):
+            self._vertical_passed_ms = now_ms
+        else:
+            self._vertical_failed_ms = now_ms
+        if now_ms - self._vertical_passed_ms > _BAD_VERTICAL_MS:
+            self._vertical_good = False
+        elif now_ms - self._vertical_failed_ms > _GOOD_VERTICAL_MS:
+            self._vertical_good = True
         if worst_ratio < 1:
             self._innovations_passed_ms = now_ms
         elif worst_ratio > _WARNING_RATIO:
@@ -415,3 +432,4 @@ class Gps:
         elif now_ms - self._innovations_failed_ms > _GOOD_INNOVATION_MS:
             self._innovations_good = True
         self.accuracy_good = self.speed_good and self._innovations_good
+        self.height_good = self.accuracy_good and self._vertical_good

@@ -199,7 +199,7 @@ class HeightSource:
             self.active = GPS
         elif source == EXTNAV and ext_nav_is_fresh:
             self.active = EXTNAV
-        gps_is_lost = self.active == GPS and gps_age_ms > _GPS_LOST_MS
+        gps_is_lost = self.active == GPS and (gps_age_ms > _GPS_LOST_MS or not gps.height_good)
         ext_nav_is_lost = self.active == EXTNAV and not ext_nav_is_fresh
         if gps_is_lost or ext_nav_is_lost or (self.active == RANGEFINDER and not range_is_fresh):
             self.active = BARO

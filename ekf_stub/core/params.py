@@ -51,6 +51,7 @@ class Params:
     GBIAS_P_NSE: float = 0.0
     GLITCH_RAD: float = 0.0
     GPS_CHECK: float = 0.0
+    GPS_VACC_MAX: float = 0.0
     GSF_RST_MAX: float = 0.0
     GSF_RUN_MASK: float = 0.0
     GSF_USE_MASK: float = 0.0

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from pymavlink import mavutil
 
-from tests.interop.programs import LIMIT_S, Program, free_port, running
+from tests.interop.programs import CLIENTS, LIMIT_S, Program, free_port, running, session
 
 pytestmark = pytest.mark.interop
 
@@ -82,6 +82,16 @@ def test_script_of_the_simulator_finds_what_it_expects(tmp_path: Path) -> None:
         assert program.interrupt() == 0
     assert "VISO_DELAY_MS" in (tmp_path / "storage.parm").read_text()
     assert (tmp_path / "logs" / "00000001.BIN").exists()
+
+
+def test_dronekit_script_flies_as_with_the_simulator(clients: Path, tmp_path: Path) -> None:
+    simulator = Simulator(tmp_path, "--speedup", "5")
+    with simulator.started():
+        program = str(CLIENTS / "dronekit_flight.py")
+        met = session([str(clients / "bin" / "python"), program, f"tcp:127.0.0.1:{simulator.port}"])
+    assert met["north_m"] == pytest.approx(0.0, abs=1.0)
+    assert met["alt_m"] == pytest.approx(0.0, abs=0.5)
+    assert met["fix"] >= 3
 
 
 def test_wipe_forgets_and_a_start_without_it_remembers(tmp_path: Path) -> None:

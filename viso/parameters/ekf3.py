@@ -103,6 +103,9 @@ _AFTER_SOURCES: Final = (
     ParamInfo("OGNM_TEST_SF", FLOAT, 2.0, "Scale of the test for standing still", "", (1.0, 10.0)),
     ParamInfo("PRIMARY", INT8, 0, "Core in use while disarmed", "", (0.0, 2.0)),
     ParamInfo("LOG_LEVEL", INT8, 0, "How little is logged, 0 is everything", "", (0.0, 3.0)),
+    ParamInfo(
+        "GPS_VACC_MAX", FLOAT, 0.0, "Vertical accuracy beyond which GPS is no source of height, 0 any", "m", (0.0, 10.0)
+    ),
     ParamInfo("OPTIONS", INT32, 0, "Bits: 0 jamming expected, 1 lanes switched by hand"),
 )
 

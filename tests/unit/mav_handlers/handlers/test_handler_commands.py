@@ -483,7 +483,7 @@ class TestOthers:
     def test_capabilities_are_sent(self, bench: "Bench", client: "Client") -> None:
         assert client.command(CAPABILITIES, 1) == ACCEPTED
         bench.run_ms(3)
-        assert [version.capabilities for version in client.read_of(AUTOPILOT_VERSION)] == [64495]
+        assert [version.capabilities for version in client.read_of(AUTOPILOT_VERSION)] == [59823]
 
     @pytest.mark.parametrize("param1", [0, 2, NAN])
     def test_capabilities_must_be_asked_for_with_1(self, bench: "Bench", client: "Client", param1: float) -> None:

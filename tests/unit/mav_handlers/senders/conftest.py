@@ -77,6 +77,9 @@ class KnownAhrs:
     def get_location(self) -> Location | None:
         return self.location
 
+    def last_location(self) -> Location | None:
+        return self.location
+
     def get_filter_status(self) -> FilterStatus | None:
         return self.status
 
