@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``viso sitl``: the autopilot with the command line of the firmware's simulator, to stand in its place."""
 
+import math
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -71,7 +72,7 @@ class _Setup:
     """What stays over restarts: the release, the AHRS's maker, values of parameters, and devices of serial ports.
 
     ``devices`` are by number of the serial port; ``boot_utc_us`` is the time of day at a start, 0 for now. ``radio`` is
-    the address of the radio's UDP port.
+    the address of the radio's UDP port; ``duration_us`` is how long the vehicle runs after a start.
     """
 
     firmware: Firmware
@@ -83,6 +84,7 @@ class _Setup:
     radio: tuple[str, int]
     speedup: float
     boot_utc_us: int
+    duration_us: float
 
     def ports(self, stored: Mapping[str, float]) -> list[int]:
         """Return the serial ports that speak MAVLink after a start with such stored values, in their order."""
@@ -124,6 +126,9 @@ def sitl(
     ] = RADIO_PORT,
     bind: Annotated[str, typer.Option(help="Address that servers bind to; 0.0.0.0 for all.")] = LOOPBACK,
     start_time: Annotated[int, typer.Option(help="Time of day at boot, s since 1970; 0 for now.", min=0)] = 0,
+    duration: Annotated[
+        float | None, typer.Option(help="Stop so many vehicle seconds after the last start.", min=0)
+    ] = None,
     verdicts_file: Annotated[
         Path | None,
         typer.Option(help="Write a line a message, and a line a sample in the filter, as JSON.", metavar="FILE"),
@@ -171,7 +176,7 @@ def sitl(
     --enable-fgview, --autotest-dir, --rtscts, --sim-address, --sim-port-in, --sim-port-out, --irlock-port,
     --slave.
 
-    Example: viso sitl --model + --speedup 10
+    Example: viso sitl --serial0 udpclient:127.0.0.1:14550 --serial1 none --serial2 none --speedup 10 --duration 1
     """
     _check_model(model, vehicle)
     profile = firmware_of(firmware)
@@ -198,6 +203,7 @@ def sitl(
         (bind, radio_port),
         speedup or 1.0,
         start_time * 1_000_000,
+        math.inf if duration is None else 1e6 * duration,
     )
     with file_errors(f"{LOG_DIR}"):
         LOG_DIR.mkdir(exist_ok=True)
@@ -295,7 +301,7 @@ def _boot(setup: _Setup, streams: Sequence[VerdictStream], losses: list[str], st
                 _print("Waiting for connection ....")
                 lockstep.wait_for_client(link, stop)
                 _print(f"Connection on serial port {link.name.rpartition(':')[2]}")
-        is_to_restart = lockstep.run(stop)
+        is_to_restart = lockstep.run(lambda: stop() or powered.vehicle.clock.micros64() >= setup.duration_us)
     losses += [f"log: {count} records lost: {reason}" for reason, count in powered.log_losses().items()]
     losses += filter(None, (store.failure, items.failure))
     if radio.malformed:

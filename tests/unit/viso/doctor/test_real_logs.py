@@ -92,7 +92,6 @@ RECORDINGS = (
             "XN4-01": error("0.741 messages per second, 1300 ms apart", "its times are 1.3 s apart"),
             "XN5-19": error("in steps of 0.5 m", "UTM: 5.4e6 m north, where binary32 has 24 bits"),
             **_OF_TEXT,
-            "XN9-04": note("after a time without samples", "each pose comes 1.3 s after the one before"),
         },
     ),
     Recording(
