@@ -146,7 +146,7 @@ def check(rig: FilterRig) -> None:
     assert abs(math.hypot(*report.quat_wxyz) - 1.0) < 1e-9
     assert abs(math.hypot(*core.state.quat) - 1.0) < 1e-9
     assert max(map(abs, core.state.vel)) <= 500.0
-    assert max(map(abs, core.state.pos)) <= 1e6
+    assert max(map(abs, core.state.pos)) <= 50e6
     assert 0 <= report.flags < 1 << 17
     assert 0 <= report.timeouts < 1 << 6
     assert report.faults == 0
