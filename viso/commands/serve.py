@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``viso serve``: the autopilot on links, in real time."""
 
-import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
@@ -18,7 +17,7 @@ from viso.dds.graph import check_domain, require_cyclonedds
 from viso.errors import InputError, file_errors
 from viso.files.item_store import FileItemStore
 from viso.files.key_store import FileKeyStore
-from viso.files.outputs import growing_file, refuse_input
+from viso.files.outputs import refuse_input
 from viso.firmware.releases import PROFILES, Firmware
 from viso.logs.files import LogStore
 from viso.parameters.releases import MAX_LINKS
@@ -42,7 +41,7 @@ from viso.terminal.options import DEFAULT_FIRMWARE, FirmwareOption, firmware_of
 from viso.terminal.outputs import Output
 from viso.terminal.process import stop_on_signal
 from viso.terminal.settings import PRESET_HELP, STRICT_HELP, load_message_intervals, load_settings, preset_files
-from viso.terminal.verdict_stream import LineWriter, VerdictFormat, VerdictStream
+from viso.terminal.verdict_stream import VerdictFormat, open_streams
 from viso.vehicle.sensors.inertial_sources import wants_vicon
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -68,19 +67,6 @@ def _tell_of_links(links: Sequence[Link], takers: Sequence[Callable[[str, str], 
         link.news.tell(partial(report_news, link.name))
         for peer in link.peer_names:
             report_news(link.name, f"{peer} connected")
-
-
-def _open_streams(kind: VerdictFormat | None, file: Path | None, stack: ExitStack) -> list[VerdictStream]:
-    wanted = []
-    if kind is not None:
-        wanted.append((sys.stdout.fileno(), kind, "--verdicts"))
-    if file is not None:
-        descriptor = stack.enter_context(growing_file(file)).fileno()
-        wanted.append((descriptor, VerdictFormat.JSON, str(file)))
-    streams = [VerdictStream(LineWriter(descriptor), how, name) for descriptor, how, name in wanted]
-    for stream in streams:
-        stack.callback(stream.close)
-    return streams
 
 
 def _profile_text(firmware: Firmware) -> str:
@@ -232,7 +218,7 @@ def serve(
     console = out if verdicts is None and not as_json else err
     with ExitStack() as stack:
         links = [stack.enter_context(closing(open_link(name))) for name in names]
-        streams = _open_streams(verdicts, verdicts_file, stack)
+        streams = open_streams(verdicts, verdicts_file, stack)
         graphs = [] if dds is None else [_enter_domain(dds, stack)]
         title = f"{config.firmware.banner} on {', '.join([*names, *(graph.name for graph in graphs)])}"
         view = None if web is None else _open_view(web, links, title, speedup, stack)

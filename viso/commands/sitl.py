@@ -19,7 +19,7 @@ from mav_handlers.links import Link, open_link
 from viso.errors import InputError, file_errors
 from viso.files.item_store import FileItemStore
 from viso.files.key_store import FileKeyStore
-from viso.files.outputs import growing_file
+from viso.files.outputs import reading, refuse_input
 from viso.firmware.releases import Firmware
 from viso.logs.files import LogStore
 from viso.parameters.releases import MAX_LINKS
@@ -36,7 +36,7 @@ from viso.terminal.outputs import Output
 from viso.terminal.process import stop_on_signal
 from viso.terminal.serial_devices import DEFAULT_DEVICES, FORMS, SerialDevice, mavlink_ports, read_device
 from viso.terminal.settings import known_parameters, load_message_intervals, load_settings
-from viso.terminal.verdict_stream import LineWriter, VerdictFormat, VerdictStream
+from viso.terminal.verdict_stream import VerdictStream, open_streams
 from viso.vehicle.sensors.inertial_sources import FLIES
 from viso.vehicle.vehicle import Vehicle, VehicleConfig
 
@@ -207,14 +207,17 @@ def sitl(
     )
     with file_errors(f"{LOG_DIR}"):
         LOG_DIR.mkdir(exist_ok=True)
-    if wipe:
-        for kept in (STORAGE, MISSIONS):
-            kept.unlink(missing_ok=True)
-    for path in files:
-        _print(f"Loaded defaults from {path}")
     parent = os.getppid()
     with ExitStack() as stack:
-        streams = _open_streams(verdicts_file, stack)
+        stack.enter_context(reading(("--defaults", path) for path in files))
+        for kept in (STORAGE, MISSIONS, KEY):
+            refuse_input(kept)
+        if wipe:
+            for kept in (STORAGE, MISSIONS):
+                kept.unlink(missing_ok=True)
+        for path in files:
+            _print(f"Loaded defaults from {path}")
+        streams = open_streams(None, verdicts_file, stack)
         received = stack.enter_context(stop_on_signal())
 
         def stop() -> bool:
@@ -252,15 +255,6 @@ def _devices(
         if text is not None:
             given[number], options[number] = text, f"--serial{number}"
     return [read_device(option, text, base_port, host) for option, text in zip(options, given, strict=True)]
-
-
-def _open_streams(file: Path | None, stack: ExitStack) -> list[VerdictStream]:
-    if file is None:
-        return []
-    descriptor = stack.enter_context(growing_file(file)).fileno()
-    stream = VerdictStream(LineWriter(descriptor), VerdictFormat.JSON, str(file))
-    stack.callback(stream.close)
-    return [stream]
 
 
 def _boot(setup: _Setup, streams: Sequence[VerdictStream], losses: list[str], stop: Callable[[], bool]) -> bool:

@@ -11,13 +11,17 @@ import contextlib
 import json
 import os
 import select
+import sys
 import threading
 from collections import deque
+from contextlib import ExitStack
 from enum import StrEnum
+from pathlib import Path
 from typing import Final
 
 from ekf_stub.inputs.ingest_rules import FilterOutcome
 from mav_handlers.endpoint import MessageEvent
+from viso.files.outputs import growing_file
 from viso.vehicle.outcomes import OutcomeKind, as_dict, is_final, is_model, outcome_kind, sentence
 
 LINES_WAITING: Final = 20_000
@@ -193,3 +197,17 @@ class VerdictStream:
             return None
         reason = "they were not read in time" if writer.error is None else writer.error.strerror or str(writer.error)
         return f"{self._name}: {writer.lost} verdicts lost: {reason}"
+
+
+def open_streams(kind: VerdictFormat | None, file: Path | None, stack: ExitStack) -> list[VerdictStream]:
+    """Return the streams that are asked for, which ``stack`` closes: on standard output, and as JSON to a file."""
+    wanted = []
+    if kind is not None:
+        wanted.append((sys.stdout.fileno(), kind, "--verdicts"))
+    if file is not None:
+        descriptor = stack.enter_context(growing_file(file)).fileno()
+        wanted.append((descriptor, VerdictFormat.JSON, str(file)))
+    streams = [VerdictStream(LineWriter(descriptor), how, name) for descriptor, how, name in wanted]
+    for stream in streams:
+        stack.callback(stream.close)
+    return streams
