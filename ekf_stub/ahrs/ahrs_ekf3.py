@@ -554,8 +554,10 @@ class Ekf3Ahrs(AhrsBase):
 
     def last_location(self) -> Location | None:
         """Return where the vehicle is, else the last place of the filter that runs, for which it does not vouch."""
-        last = self.core.last_place() if self._active and self.core is not None and self._has_origin() else None
-        return self.get_location() or last
+        place = self.get_location()
+        if place is not None or not self._active or self.core is None or not self._has_origin():
+            return place
+        return self.core.last_place()
 
     def get_filter_status(self) -> FilterStatus | None:
         """Return flags and test ratios, once there are cores; no flag is set of an estimator that does not run."""

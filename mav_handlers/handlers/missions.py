@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Handlers of messages about missions, fences and rally points (GCS_Common.cpp)."""
 
+from collections.abc import Callable
+
 from ap_core.location import Location
 from ap_core.verdict import Verdict
 from mav_handlers.channel import Context
@@ -126,21 +128,24 @@ def _goes_to(ctx: Context, item: MissionItem) -> bool:
 
 def handle_mission_request_int(ctx: Context, message: MISSION_REQUEST_INT) -> Verdict:
     """Send an item; a request for one of another kind gets no answer at all."""
-    transfer = _transfer(ctx, message.mission_type)
-    if transfer is None:
-        return MISSION_TYPE
-    if not transfer.needs_mavlink2(ctx):
-        transfer.send_item_in_units(ctx, message.seq)
-    return HANDLED
+    return _send_item(ctx, message, ItemTransfer.send_item_in_units)
 
 
 def handle_mission_request(ctx: Context, message: MISSION_REQUEST) -> Verdict:
     """Send an item in float32."""
+    return _send_item(ctx, message, ItemTransfer.send_item_in_degrees)
+
+
+def _send_item(
+    ctx: Context,
+    message: MISSION_REQUEST | MISSION_REQUEST_INT,
+    send: Callable[[ItemTransfer, Context, int], object],
+) -> Verdict:
     transfer = _transfer(ctx, message.mission_type)
     if transfer is None:
         return MISSION_TYPE
     if not transfer.needs_mavlink2(ctx):
-        transfer.send_item_in_degrees(ctx, message.seq)
+        send(transfer, ctx, message.seq)
     return HANDLED
 
 
