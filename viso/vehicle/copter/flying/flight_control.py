@@ -113,7 +113,7 @@ class FlightControl:
         self._others = loiter
         self._mode: _Mode | None = None
         self._next_us = 0
-        self._is_flying = self._was_idle = self._goes_down = False
+        self._is_flying = self._was_idle = False
         self._takeoff_down_m: float | None = None
 
     # What others ask
@@ -241,12 +241,13 @@ class FlightControl:
         mode = self._modes.get(self._flight_modes.current.number, self._others)
         if mode is not self._mode:
             self._enter(mode)
+        lean = None
         if landing.is_taking_off():
             self._climb_out()
-            self._demand(None)
         else:
-            self._demand(self._run(mode))
-        self._watch_ground()
+            lean = self._run(mode)
+        self._demand(lean)
+        self._watch_ground(None if lean is None else lean.lift_m_s2)
 
     def _enter(self, mode: _Mode) -> None:
         self._mode = mode
@@ -285,13 +286,14 @@ class FlightControl:
             steering.estimate.yaw_rad, steering.way.vel[:2], steering.limits.atc_slew_yaw, PERIOD_S
         )
         lift = GRAVITY_MSS - down if lean.lift_m_s2 is None else lean.lift_m_s2
-        self._goes_down = steering.way.vel[2] > 0.0 if lean.lift_m_s2 is None else lift < LITTLE_LIFT_M_S2
         thrust = max(lift, LEAST_THRUST_M_S2) / (math.cos(lean.roll) * math.cos(lean.pitch))
         self._airframe.demand(Demand(lean.roll, lean.pitch, thrust, turn))
 
-    def _watch_ground(self) -> None:
+    def _watch_ground(self, lift_m_s2: float | None) -> None:
+        """Note since when it is on the ground and to stay there; ``lift_m_s2`` is that of a manual throttle."""
         steering = self._steering
-        is_to_land = self._goes_down and abs(steering.estimate.vel[2]) < SLOW_M_S
+        goes_down = steering.way.vel[2] > 0.0 if lift_m_s2 is None else lift_m_s2 < LITTLE_LIFT_M_S2
+        is_to_land = goes_down and abs(steering.estimate.vel[2]) < SLOW_M_S
         if not (is_to_land and self._airframe.state.is_on_ground()):
             self._landing.grounded_since_us = None
         elif self._landing.grounded_since_us is None:
